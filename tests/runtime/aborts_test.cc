@@ -616,5 +616,26 @@ TEST_F(AbortedRun, IsHeldAtItsEndWhereTheJointsAreHeldAndLetGoWhereTheyAreDamped
   }
 }
 
+TEST(Aborts, AMotionThatIsRolledOutIsOverOnceItsLimitedSetpointIsAtItsEnd) {
+  Primitive<float> motion = OneWay(AbortWay::kRollOut);
+  for (auto& joint : motion.joints) joint.limits.velocity_max_rad_s *= 0.05F;  // It is held back.
+  motion.following_tolerance_rad = 10;
+  ExecutorRig rig({}, motion);
+  PlayTo(rig, 100);
+  ProvokeAbort(rig, Fault::kLateTick);
+  ASSERT_EQ(rig.output.record.reaction, Reaction::kRollOut);
+  int late = 0;
+  for (int i = 0; i < 100000 && rig.output.record.reaction == Reaction::kRollOut; ++i) {
+    rig.Tick();
+    if (rig.output.record.primitive_time_s == motion.duration_s) ++late;
+  }
+  EXPECT_GT(late, 10) << "the plan was at its end long before";
+  EXPECT_EQ(rig.output.record.reaction, Reaction::kHold);
+  for (std::size_t j = 0; j < 2; ++j) {
+    EXPECT_NEAR(rig.output.record.joints[j].limited.position_rad,
+                motion.joints[j].position.control_points().back(), 1e-4F);
+  }
+}
+
 }  // namespace
 }  // namespace tumbler

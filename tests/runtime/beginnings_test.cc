@@ -513,6 +513,64 @@ TEST(Falls, ARobotThatLiesAsNoMotionBeginsOrDoesNotComeToRestStaysAfterASecond) 
   }
 }
 
+TEST(Falls, WhatTheOperatorSaidOfTheBeginningIsOverOnceTheRobotHasFallen) {
+  ExecutorConfig config = GetsUp(1);
+  config.begin = 0;
+  FallingRig rig(config);
+  EXPECT_EQ(rig.output.record.node, 0);
+  ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+  ASSERT_TRUE(rig.TickWhile(ExecutorState::kMovingToStart));
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kRunning);
+  EXPECT_EQ(rig.Tick().node, 1) << "it lies as that one begins";
+}
+
+TEST(Falls, WhereAJointIsOutsideTheLimitsOfTheStartNobodyGetsUp) {
+  const Primitive<float> first = MotionAfterItself();
+  for (const bool outside : {false, true}) {
+    Primitive<float> second = first;
+    const auto knots = first.joints[0].position.knots();
+    const auto path = first.joints[0].position.control_points();
+    std::vector<float> points(path.begin(), path.end());
+    const float end_rad = first.joints[0].limits.position_max_rad + (outside ? 0.1F : -0.1F);
+    for (std::size_t i = 0; i < 3; ++i) points[points.size() - 1 - i] = end_rad;
+    ASSERT_EQ(
+        second.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()), points),
+        Status::kOk);
+    for (auto& joint : second.joints) joint.limits = {-20, 20, 500, 1e5F, 10};
+    SequenceGraph<float> graph = RoundsWithAnotherWay(first);
+    graph.edge_storage[0].to = 2;
+    graph.node_storage[2].primitive = 1;
+    FallingRig rig(GetsUp(1), graph, {first, second});
+    ASSERT_TRUE(rig.TickUntilPlays(2));
+    ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+    EXPECT_EQ(rig.executor.state(),
+              outside ? ExecutorState::kFault : ExecutorState::kMovingToStart);
+    if (outside) {
+      EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kFallen);
+    }
+  }
+}
+
+TEST(Executor, AFrameWithTheSensorsIdentifierInTheOtherFormatIsLeftToTheDrives) {
+  const Primitive<float> motion = MotionWithFeedback(3);
+  XsensMtiConfig config;
+  config.rate_id = 101;  // The number of the second drive.
+  XsensMti device(config);
+  ExecutorRig rig({}, motion);
+  rig.sensor.device = &device;
+  rig.Reconfigure();
+  ASSERT_EQ(rig.configured, Status::kOk);
+  rig.silent[1] = true;
+  CanFrame frame = XsensRateFrame(config, {0, 0, 0});
+  rig.sensor_frames = {frame};
+  rig.Tick();
+  EXPECT_EQ(rig.output.record.joints[1].reply_age_ticks, -1) << "that was the sensor";
+  frame.extended = true;
+  rig.sensor_frames = {frame};
+  rig.Tick();
+  EXPECT_EQ(rig.output.record.joints[1].reply_age_ticks, 0);
+}
+
 TEST(Falls, TheOperatorIsObeyedWhileTheRobotGetsUp) {
   FallingRig stopped(GetsUp(1));
   ASSERT_TRUE(stopped.EndLying(kOnItsBack_rad));

@@ -66,6 +66,8 @@ TEST(Executor, RefusesConfigurationsOutsideTheirRanges) {
               Status::kInvalidArgument)
         << bad;
   }
+  EXPECT_EQ(configured(with([&](auto& c) { c.pause_ticks_max = 0; }), good),
+            Status::kInvalidArgument);
   EXPECT_EQ(configured(with([&](auto& c) { c.joints[1].kp_nm_per_rad = kNaN; }), good),
             Status::kInvalidArgument);
   Primitive<float> moving = good;  // It would have to jump into its first velocity.
@@ -293,6 +295,23 @@ TEST(Executor, RefusesToArmWithItsReason) {
     rig.Tick();
     return rig.Tick(OperatorCommand::kArm).refusal;
   };
+  {
+    ExecutorConfig known;
+    known.moved_max_rad = 0.01F;
+    const float start = wide.joints[1].position.control_points()[0];
+    known.last_known[1] = {true, start - 0.05F, 1.0471976F};
+    ExecutorRig rig(known, wide);
+    rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kMoved)
+        << "no turn is lost in a twentieth of one";
+    rig.drives[1]->reply.position_rad = std::numeric_limits<float>::quiet_NaN();
+    rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kOutsideLimits)
+        << "nobody knows whether it was moved";
+  }
+  EXPECT_EQ(refusal_after([](auto& drive) { drive.says = DriveState::kFault; }).refusal,
+            Refusal::kDriveError)
+      << "a drive may fail and give no code";
   const RefusalDetail outside = refusal_after([](auto& drive) { drive.reply.position_rad = 4; });
   EXPECT_EQ(outside.refusal, Refusal::kOutsideLimits);
   EXPECT_EQ(outside.value.real(), 4);
@@ -371,6 +390,31 @@ TEST(Executor, GoesHomeOnlyFromTheEndOfANodeWithDrivesThatHold) {
     const RefusalDetail refusal = rig.Tick(OperatorCommand::kGoHome).refusal;
     EXPECT_EQ(refusal.refusal, Refusal::kDriveError);
     EXPECT_EQ(refusal.joint, 1);
+  }
+  {
+    ExecutorConfig ignoring;
+    ASSERT_TRUE(
+        ignoring.reactions.Set(Fault::kDriveError, ExecutorState::kFault, Reaction::kIgnore));
+    ExecutorRig rig(ignoring, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+    rig.input.tick += 100;
+    ASSERT_EQ(rig.Tick().reaction, Reaction::kHold);
+    rig.drives[0]->says = DriveState::kEnabled;
+    rig.drives[0]->reply.error = 0x21;
+    rig.Tick();
+    const RefusalDetail refusal = rig.Tick(OperatorCommand::kGoHome).refusal;
+    EXPECT_EQ(refusal.refusal, Refusal::kDriveError) << "it drives its joint as yet, and reports";
+    EXPECT_EQ(refusal.value.code(), 0x21U);
+    EXPECT_EQ(refusal.joint, 0);
+  }
+  {
+    ExecutorRig rig({}, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+    rig.input.tick += 100;
+    ASSERT_EQ(rig.Tick().reaction, Reaction::kHold);
+    EXPECT_EQ(rig.Tick(OperatorCommand::kLower).refusal.refusal, Refusal::kNone);
+    EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kWrongState)
+        << "what is lowered does not get up";
   }
   {
     ExecutorRig rig({}, primitive);
@@ -457,6 +501,219 @@ TEST(Executor, RefusesCommandsThatDoNotFitTheState) {
   }
 }
 
+TEST(Executor, LowersOnlyARobotThatIsHeldAndThenMovesItNoMore) {
+  const Primitive<float> primitive = Motion(13);
+  for (const ExecutorState state :
+       {ExecutorState::kDisarmed, ExecutorState::kArming, ExecutorState::kMovingToStart,
+        ExecutorState::kRunning, ExecutorState::kSettling, ExecutorState::kStopping}) {
+    ExecutorRig rig({}, primitive);
+    for (auto& drive : rig.drives) drive->reply.position_rad += 0.03F;
+    ASSERT_TRUE(rig.Reach(state));
+    EXPECT_EQ(rig.Tick(OperatorCommand::kLower).refusal.refusal, Refusal::kWrongState);
+    EXPECT_NE(rig.executor.state(), ExecutorState::kFault);
+  }
+  for (const ExecutorState state : {ExecutorState::kHolding, ExecutorState::kFault}) {
+    ExecutorRig rig({}, primitive);
+    ASSERT_TRUE(rig.Reach(state));
+    EXPECT_EQ(rig.Tick(OperatorCommand::kLower).refusal.refusal, Refusal::kNone);
+    for (const OperatorCommand command : {OperatorCommand::kMoveToStart, OperatorCommand::kRun}) {
+      EXPECT_EQ(rig.Tick(command).refusal.refusal, Refusal::kWrongState);
+      EXPECT_EQ(rig.executor.state(), state);
+    }
+  }
+}
+
+TEST(Executor, IsConfiguredAnewOnlyWhileDisarmed) {
+  ExecutorRig rig({}, Motion(13));
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  rig.Reconfigure();
+  EXPECT_EQ(rig.configured, Status::kWouldBlock);
+  rig.Tick();
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kRunning) << "and goes on as it was";
+  rig.Tick(OperatorCommand::kDisarm);
+  rig.Reconfigure();
+  EXPECT_EQ(rig.configured, Status::kOk);
+}
+
+/// The first motion, and after it another that ends so far away, outside the limits of the first.
+ExecutorRig EndsOutsideTheFirstLimits(float end_rad) {
+  const Primitive<float> first = Motion(13);
+  Primitive<float> second = first;
+  for (auto& joint : second.joints) joint.limits = {-20, 20, 500, 1e5F, 10};
+  second.entry_tolerance_rad = 100;
+  const auto knots = first.joints[0].position.knots();
+  const auto path = first.joints[0].position.control_points();
+  std::vector<float> points(path.begin(), path.end());
+  for (std::size_t i = 0; i < 3; ++i) {
+    points[i] = path.back();
+    points[points.size() - 1 - i] = end_rad;
+  }
+  EXPECT_EQ(
+      second.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()), points),
+      Status::kOk);
+  SequenceGraph<float> graph = GraphOf(first);
+  graph.node_count = 2;
+  graph.node_storage[1].primitive = 1;
+  graph.node_storage[1].safe = true;
+  graph.edge_count = 1;
+  graph.edge_storage[0] = {0, 1, 0.05F, EdgeCondition::kAlways, {}};
+  return ExecutorRig({}, graph, {first, second});
+}
+
+TEST(Executor, MovesToTheStartOnlyFromWithinTheLimitsThatHoldThere) {
+  const JointLimits<float> limits = Motion(13).joints[0].limits;
+  for (const float end_rad : {-4.0F, 4.0F}) {
+    ExecutorRig rig = EndsOutsideTheFirstLimits(end_rad);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
+    ASSERT_EQ(rig.output.record.node, 1);
+    const RefusalDetail refusal = rig.Tick(OperatorCommand::kMoveToStart).refusal;
+    EXPECT_EQ(refusal.refusal, Refusal::kOutsideLimits);
+    EXPECT_EQ(refusal.joint, 0);
+    EXPECT_NEAR(refusal.value.real(), end_rad, 1e-3F);
+    EXPECT_EQ(refusal.limit.real(),
+              end_rad < 0 ? limits.position_min_rad : limits.position_max_rad);
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  }
+}
+
+TEST(Executor, AMotionThatEndsInMotionIsBrakedBeforeItsNodeIsOver) {
+  Primitive<float> primitive = Motion(13);
+  primitive.settle_s = 0;
+  const auto knots = primitive.joints[0].position.knots();
+  const auto path = primitive.joints[0].position.control_points();
+  std::vector<float> points(path.begin(), path.end());
+  points.back() += 0.06F;
+  ASSERT_EQ(primitive.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()),
+                                                points),
+            Status::kOk);
+  JointLimits<float>& limits = primitive.joints[0].limits;
+  limits.position_max_rad += 1;
+  ExecutorRig rig({}, primitive);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+  float velocity = rig.output.record.joints[0].limited.velocity_rad_s;
+  ASSERT_GT(velocity, 10 * limits.acceleration_max_rad_s2 * 0.001F);
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 1000, [&] {
+    const float now = rig.output.record.joints[0].limited.velocity_rad_s;
+    EXPECT_LE(velocity - now, limits.acceleration_max_rad_s2 * 0.001F * 1.001F);
+    velocity = now;
+  }));
+  EXPECT_EQ(velocity, 0);
+}
+
+TEST(Executor, ALongMotionEndsExactlyWhereItsPathEnds) {
+  MotionShape shape;
+  shape.duration_s = 40;
+  ExecutorConfig config;
+  config.late_ticks_max = config.pause_ticks_max = 1000;  // so that the time can be skipped
+  Primitive<float> primitive = Motion(13, shape);
+  JointMotion<float>& joint = primitive.joints[0];
+  const auto knots = joint.position.knots();
+  const auto path = joint.position.control_points();
+  std::vector<float> points(path.begin(), path.end());
+  points.back() += 3;  // It ends in motion, and a time that is a little off would show.
+  ASSERT_EQ(joint.position.Assign(5, std::vector<float>(knots.begin(), knots.end()), points),
+            Status::kOk);
+  joint.limits = {-20, 20, 60, 1e3F, 10};
+  ExecutorRig rig(config, primitive);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  rig.Tick(OperatorCommand::kRun);
+  for (int i = 0; i < 1000 && rig.executor.state() == ExecutorState::kRunning; ++i) {
+    rig.input.tick += 99;
+    rig.Tick();
+  }
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kSettling);
+  EXPECT_EQ(rig.output.record.primitive_time_s, primitive.duration_s);
+  EXPECT_GT(rig.output.record.joints[0].planned.velocity_rad_s, 1);
+  for (std::size_t j = 0; j < 2; ++j) {
+    EXPECT_EQ(rig.output.record.joints[j].planned.position_rad,
+              primitive.joints[j].position.control_points().back());
+  }
+}
+
+TEST(Executor, APlanThatIsNotANumberIsHeldAndAFault) {
+  Primitive<float> primitive = Motion(13);
+  const auto knots = primitive.joints[1].position.knots();
+  const auto path = primitive.joints[1].position.control_points();
+  std::vector<float> points(path.begin(), path.end());
+  points[5] = 3e38F;  // Its rate is more than a float can be.
+  points[6] = -3e38F;
+  ASSERT_EQ(primitive.joints[1].position.Assign(5, std::vector<float>(knots.begin(), knots.end()),
+                                                points),
+            Status::kOk);
+  ExecutorRig rig({}, primitive);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  const float held = rig.drives[1]->setpoint.position_rad;
+  rig.Tick(OperatorCommand::kRun);
+  const TickRecord& record = rig.Tick();
+  EXPECT_EQ(record.first_fault.fault, Fault::kNonFinite);
+  EXPECT_EQ(record.first_fault.joint, 1);
+  EXPECT_EQ(record.state, ExecutorState::kFault);
+  EXPECT_EQ(rig.drives[1]->setpoint.position_rad, held);
+}
+
+TEST(Executor, ASetpointThatADriveCannotBeSentIsAFault) {
+  ExecutorRig rig({}, Motion(13));
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  rig.drives[1]->encode_status = Status::kInvalidArgument;
+  rig.Tick();
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+  EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kNonFinite);
+  EXPECT_EQ(rig.output.record.first_fault.joint, 1);
+}
+
+TEST(Executor, WhereADriveDoesNotSayWhatItWasSentItIsArmedAtWhatItMeasures) {
+  ExecutorRig rig({}, Motion(13));
+  rig.drives[1]->on_wire = DriveSetpoint{std::numeric_limits<float>::quiet_NaN(), 0, 0, 0, 0};
+  rig.drives[0]->on_wire = DriveSetpoint{rig.drives[0]->reply.position_rad + 0.01F, 0, 0, 0, 0};
+  const float measured = rig.drives[1]->reply.position_rad;
+  rig.Tick();
+  rig.follow = false;
+  rig.Tick(OperatorCommand::kArm);
+  EXPECT_EQ(rig.output.record.joints[1].limited.position_rad, measured);
+  EXPECT_EQ(rig.output.record.joints[0].limited.position_rad, rig.drives[0]->on_wire->position_rad)
+      << "a drive of which it is known is held there";
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 100));
+  EXPECT_EQ(rig.drives[1]->setpoint.position_rad, measured);
+}
+
+TEST(Executor, ADriveThatReportsAnErrorWhileItDrivesIsAFault) {
+  ExecutorRig rig({}, Motion(13));
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  rig.drives[1]->says = DriveState::kEnabled;
+  rig.Tick();
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kRunning);
+  rig.drives[1]->reply.error = 0x21;
+  const TickRecord& record = rig.Tick();
+  EXPECT_EQ(record.first_fault.fault, Fault::kDriveError);
+  EXPECT_EQ(record.first_fault.value.code(), 0x21U);
+  EXPECT_EQ(record.first_fault.joint, 1);
+}
+
+TEST(Executor, ATickThatIsNotAfterTheOneBeforeIsAFault) {
+  for (const int back : {1, 50}) {
+    ExecutorRig rig({}, Motion(13));
+    ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+    const float before = rig.Tick().primitive_time_s;
+    rig.input.tick -= back;
+    const TickRecord& record = rig.Tick();
+    EXPECT_EQ(record.first_fault.fault, Fault::kLateTick);
+    EXPECT_EQ(record.first_fault.value.integer(), -back);
+    EXPECT_EQ(record.state, ExecutorState::kFault);
+    EXPECT_LE(record.primitive_time_s, before + 0.00101F) << "no time was made up for";
+  }
+}
+
+TEST(Executor, AFrameOfEarlierIsOldAlsoWhereTheClockStandsStill) {
+  ExecutorRig rig({}, Motion(13));
+  rig.input.time_ns = 1'000'000;
+  rig.Tick();  // Frames are of the time 0.
+  EXPECT_EQ(rig.output.record.joints[0].reply_age_ticks, 0);
+  for (int i = 0; i < 10; ++i) rig.Tick();
+  EXPECT_GT(rig.output.record.joints[0].reply_age_ticks, 1000);
+  EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kNoReply);
+}
+
 TEST(Executor, MovesToTheStartWithinItsShareOfTheLimits) {
   const Primitive<float> primitive = Motion(14);
   for (const float fraction : {0.2F, 0.05F}) {
@@ -499,6 +756,33 @@ TEST(Executor, FinishesAMotionOnTheLimitedSetpointNotOnThePlannedOne) {
               primitive.joints[0].position.control_points().back(), 1e-4);
   EXPECT_NEAR(rig.output.record.joints[1].limited.position_rad,
               primitive.joints[1].position.control_points().back(), 1e-4);
+}
+
+TEST(Executor, AMoveIsOverOnlyOnceTheLimitedSetpointIsAtTheStart) {
+  Primitive<float> primitive = Motion(15);
+  // So far from zero that floats are 2 mrad apart, and one tick's step of 0.9 mrad is lost in them.
+  const auto knots = primitive.joints[0].position.knots();
+  const auto path = primitive.joints[0].position.control_points();
+  std::vector<float> points(path.begin(), path.end());
+  for (float& point : points) point += 30000;
+  ASSERT_EQ(primitive.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()),
+                                                points),
+            Status::kOk);
+  primitive.joints[0].limits = {29990, 30010, 0.9F, 100, 10};
+  ExecutorRig rig({}, primitive);
+  ASSERT_EQ(rig.configured, Status::kOk);
+  rig.drives[0]->reply.position_rad += 0.1F;
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  rig.Tick(OperatorCommand::kMoveToStart);
+  EXPECT_FALSE(rig.TickUntil(ExecutorState::kHolding, 5000)) << "the plan takes a second";
+  EXPECT_EQ(rig.output.record.joints[0].planned.position_rad, points[0]);
+  EXPECT_GT(rig.output.record.joints[0].limited.position_rad, points[0] + 0.05F);
+  for (int i = 0; i < 200 && rig.executor.state() != ExecutorState::kHolding; ++i) {
+    rig.input.tick += 1;  // Two ticks' step is enough for the next float.
+    rig.Tick();
+  }
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  EXPECT_EQ(rig.output.record.joints[0].limited.position_rad, points[0]);
 }
 
 TEST(Executor, HoldsTheLastFeedForwardAfterARunAndDropsItAfterAStop) {

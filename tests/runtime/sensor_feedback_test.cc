@@ -291,6 +291,61 @@ TEST(Feedback, ASensorThatTellsOfATurnOutOfThePlaneIsNotActedOnForAWhile) {
   EXPECT_EQ(rig.output.record.faults, 0U);
 }
 
+TEST(Feedback, AStartIsNoTimeForDoubts) {
+  const Primitive<float> motion = MotionWithUnitGain();
+  for (const bool doubted_later : {false, true}) {
+    Rig rig(motion);
+    float share = 0;
+    (void)Orders(rig, [&](int n) {
+      rig.sensor_frames = WithError(rig, motion, 0.1);
+      // One report of a turn out of the plane: in the tick of the start, or twenty later.
+      if (n == (doubted_later ? 20 : 0)) {
+        rig.sensor_frames.push_back(XsensRateFrame({}, {0, 0, 3}));
+        return;
+      }
+      if (n == (doubted_later ? 21 : 1)) share = rig.output.record.sensor.share;
+      if (n == 600) {
+        EXPECT_EQ(rig.output.record.sensor.share, 1);
+      }
+    });
+    const float step = 0.001F / motion.feedback.fade_in_s;
+    EXPECT_NEAR(share, doubted_later ? 20 * step - 0.001F / motion.feedback.fade_out_s : step,
+                1e-4F);
+  }
+}
+
+TEST(Feedback, InTheHoldARobotThatIsPushedAskewIsHeldOn) {
+  const Primitive<float> motion = MotionWithUnitGain();
+  Rig rig(motion);
+  (void)Orders(rig, [&](int) { rig.sensor_frames = WithError(rig, motion, 0); });
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  for (int n = 0; n < 40; ++n) {
+    rig.sensor_frames = WithError(rig, motion, 0.1);
+    rig.sensor_frames.push_back(XsensRateFrame({}, {0, 0, 1.5}));
+    rig.Tick();
+  }
+  EXPECT_EQ(rig.output.record.sensor.status, SensorStatus::kOk);
+  EXPECT_EQ(rig.output.record.sensor.share, 1);
+  EXPECT_NEAR(rig.output.record.joints[0].correction_rad, 0.1F, 2e-3F);
+}
+
+TEST(Feedback, ARobotThatIsLoweredIsNotBalancedAnyMore) {
+  const Primitive<float> motion = MotionWithUnitGain();
+  Rig rig(motion);
+  (void)Orders(rig, [&](int) { rig.sensor_frames = WithError(rig, motion, 0.1); });
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  ASSERT_NEAR(rig.output.record.joints[0].correction_rad, 0.1F, 2e-3F);
+  const float held = rig.output.record.joints[0].limited.position_rad;
+  rig.Tick(OperatorCommand::kLower);
+  for (const double error : {0.1, -0.3, 0.3}) {
+    rig.sensor_frames = WithError(rig, motion, error);
+    for (int n = 0; n < 20; ++n) rig.Tick();
+    EXPECT_EQ(rig.output.record.joints[0].correction_rad, 0);
+    EXPECT_EQ(rig.output.record.sensor.share, 0);
+    EXPECT_NEAR(rig.output.record.joints[0].limited.position_rad, held, 1e-5F);
+  }
+}
+
 TEST(Feedback, TheHoldAfterTheMotionKeepsTheLastGains) {
   Primitive<float> motion = FedBackMotion(5);
   for (JointFeedback<float>& joint : motion.feedback.joints) {
@@ -495,6 +550,26 @@ TEST(Feedback, ALateReplyOfAJointBetweenCountsAsNotKnown) {
   });
   EXPECT_LT(share, 0.7F);
   EXPECT_EQ(patient.output.record.faults, 0U);
+}
+
+TEST(Feedback, AJointBetweenThatMeasuresNoNumberCountsAsNotKnown) {
+  Primitive<float> motion = FedBackMotion(9);
+  ExecutorConfig config;
+  ASSERT_TRUE(config.reactions.Set(Fault::kNonFinite, ExecutorState::kRunning, Reaction::kIgnore));
+  Rig rig(motion, config);
+  rig.sensor_frames = WithError(rig, motion, 0.1);
+  std::vector<float> shares;
+  (void)Orders(rig, [&](int n) {
+    rig.sensor_frames = WithError(rig, motion, 0.1);
+    rig.drives[1]->reply.velocity_rad_s =
+        n >= 300 && n < 340 ? std::numeric_limits<float>::quiet_NaN() : 0;
+    shares.push_back(rig.output.record.sensor.share);
+  });
+  EXPECT_EQ(shares[300], 1);
+  EXPECT_LT(shares[325], 0.7F);
+  EXPECT_TRUE(std::ranges::all_of(shares, [](float x) { return x >= 0 && x <= 1; }));
+  EXPECT_EQ(shares[500], 1) << "and it comes back";
+  EXPECT_EQ(rig.output.record.faults, 0U);
 }
 
 TEST(Feedback, ExecutorsRefuseAFeedbackOrASensorThatMakesNoSense) {

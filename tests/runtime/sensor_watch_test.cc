@@ -114,6 +114,42 @@ TEST(SensorWatch, IsWithoutDataUntilBothPartsHaveComeAndStaleWhenTheyAreOld) {
   EXPECT_EQ(rig.Tick({}, 7), SensorStatus::kStale) << "missed ticks count";
 }
 
+TEST(SensorWatch, AReportIsMadeOfTheNewestHalfOfEachKind) {
+  WatchRig rig;
+  const auto before = testing::SensorFrames(0.1, 0), after = testing::SensorFrames(0.2, 0.5);
+  rig.Tick({before[0]});
+  rig.Tick({after[0]});
+  EXPECT_EQ(rig.watch.status(), SensorStatus::kNoData);
+  EXPECT_EQ(rig.Tick({after[1]}), SensorStatus::kOk);
+  EXPECT_NEAR(rig.watch.pitch_rad(), 0.2F, 1e-3F);
+  EXPECT_EQ(rig.watch.age_ticks(), 1) << "that of the second attitude";
+}
+
+TEST(SensorWatch, OnlyNewsOfARotationShowTheRobotOnItsSide) {
+  WatchRig rig;
+  const auto rolled = [](double roll_rad, double length) {
+    return std::vector{XsensQuaternionFrame({}, {length * std::cos(roll_rad / 2),
+                                                 length * std::sin(roll_rad / 2), 0, 0}),
+                       XsensRateFrame({}, {0, 0, 0})};
+  };
+  double flip = 1e-3;
+  const auto tilt_rad = [&](double roll_rad, double length) {
+    flip = -flip;  // the noise that every sensor has
+    EXPECT_EQ(rig.Tick(rolled(roll_rad + flip, length)), SensorStatus::kTilted);
+    return static_cast<double>(rig.watch.tilt_rad());
+  };
+  EXPECT_NEAR(tilt_rad(0.8, 1), 0.8, 2e-3);
+  EXPECT_EQ(tilt_rad(0.8, 0.9), 0) << "that is no rotation";
+  EXPECT_NEAR(tilt_rad(0.8, 1), 0.8, 2e-3);
+  for (int repeat = 1; repeat <= 25; ++repeat) {
+    EXPECT_EQ(rig.Tick(rolled(0.8, 1)), SensorStatus::kTilted);
+    EXPECT_EQ(rig.watch.tilt_rad() > 0, repeat <= 21)
+        << "a frozen sensor shows nothing: " << repeat;
+  }
+  EXPECT_NEAR(tilt_rad(0.8, 1), 0.8, 2e-3);
+  EXPECT_EQ(tilt_rad(0.1, 1), 0) << "it has come back";
+}
+
 TEST(SensorWatch, TakesNoSensorThatRepeatsItselfForLong) {
   WatchRig rig;
   const std::vector<CanFrame> frames = testing::SensorFrames(0.2, 0);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "firmware_interface/drives/drive.h"
@@ -34,10 +35,13 @@ class ScriptedDrive final : public Drive {
   [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override {
     return frame.id == id_ + 0x100;
   }
-  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return setpoint; }
+  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override {
+    return on_wire.value_or(setpoint);
+  }
   [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
   [[nodiscard]] DriveState state() const noexcept override {
     if (!heard_) return DriveState::kUnknown;
+    if (says) return *says;
     if (feedback_.error != 0) return DriveState::kFault;
     if (heartbeat_age.ticks > heartbeat_age.limit_ticks) return DriveState::kLost;
     if (stuck || enable_ticks_ == 0) return DriveState::kDisabled;
@@ -58,6 +62,8 @@ class ScriptedDrive final : public Drive {
   int start_up_ticks = 3;
   bool stuck = false;  ///< Whether the drive refuses to be enabled, or drops out if it was.
   Status encode_status = Status::kOk;
+  std::optional<DriveState> says;  ///< Its state once it was heard, whatever else is the case.
+  std::optional<DriveSetpoint> on_wire;  ///< What its frames carry, where that is something else.
   ReplyRhythm rhythm;
   HeartbeatAge heartbeat_age;
 

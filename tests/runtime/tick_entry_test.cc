@@ -4,8 +4,10 @@
 
 #include <array>
 #include <bit>
+#include <functional>
 #include <memory>
 #include <random>
+#include <string_view>
 #include <vector>
 
 namespace tumbler {
@@ -215,8 +217,8 @@ TEST(TickEntry, IsRefusedWithCountsAndEnumeratorsThatCannotBe) {
   const auto entry = std::make_unique<TickEntry>();
   const std::vector<std::uint8_t> good = AnyTick(4).Encode();
   ASSERT_TRUE(DecodeTick(good, *entry));
-  // Sending, receiving, sending, frames received, joints.
-  for (const std::size_t at : {54U, 64U, 65U, 68U, 69U}) {
+  // Sending, receiving, sending before, the controller, frames received, joints.
+  for (const std::size_t at : {54U, 64U, 65U, 68U, 69U, 70U}) {
     std::vector<std::uint8_t> bad = good;
     bad[at] = 0xf0;
     EXPECT_FALSE(DecodeTick(bad, *entry)) << at;
@@ -240,6 +242,182 @@ TEST(TickEntry, FitsItsLargestSizeAndNoSmallerOne) {
   received.resize(received.size() + 1);
   input.received = received;
   EXPECT_EQ(EncodeTick(0, {}, input, output, bytes), 0U);
+}
+
+/// A small tick: no frame received, and one joint that was sent one.
+struct SmallTick {
+  SmallTick() {
+    output.record.joint_count = 1;
+    EXPECT_EQ(output.frames[0].Add({}), Status::kOk);
+  }
+  [[nodiscard]] std::vector<std::uint8_t> Encode() const {
+    std::vector<std::uint8_t> bytes(kTickEntryBytesMax);
+    TickInput with_frames = input;
+    with_frames.received = received;
+    bytes.resize(EncodeTick(0, notes, with_frames, output, bytes));
+    return bytes;
+  }
+  [[nodiscard]] bool IsRead() const {
+    const auto entry = std::make_unique<TickEntry>();
+    return DecodeTick(Encode(), *entry);
+  }
+
+  std::vector<ReceivedFrame> received;
+  TickInput input;
+  TickOutput output;
+  TickNotes notes;
+};
+
+// The bytes of a record, and of each of its joints (docs/formats.md); and those of each that came
+// with the sensor, at their ends.
+constexpr std::size_t kRecordBytes = 80, kJointBytes = 71;
+constexpr std::size_t kSensorBytes = 25, kCorrectionBytes = 4;
+
+TEST(TickEntry, IsReadWithTheLastEnumeratorOfEveryKindAndWithNoneBeyond) {
+  struct Kind {
+    const char* name;
+    int last;
+    std::function<void(SmallTick&, int)> set;
+  };
+  const int last_status = static_cast<int>(Status::kLinkGone);
+  const int last_state = kExecutorStateCount - 1, last_reaction = kReactionCount - 1;
+  const std::array kinds{
+      Kind{"of receiving", last_status,
+           [](auto& t, int n) { t.input.receive_status = static_cast<Status>(n); }},
+      Kind{"of sending before", last_status,
+           [](auto& t, int n) { t.input.send_status = static_cast<Status>(n); }},
+      Kind{"of sending", last_status,
+           [](auto& t, int n) { t.notes.sent_status = static_cast<Status>(n); }},
+      Kind{"of the controller", static_cast<int>(CanControllerState::kBusOff),
+           [](auto& t, int n) { t.input.controller = static_cast<CanControllerState>(n); }},
+      Kind{"state", last_state,
+           [](auto& t, int n) { t.output.record.state = static_cast<ExecutorState>(n); }},
+      Kind{"reaction", last_reaction,
+           [](auto& t, int n) { t.output.record.reaction = static_cast<Reaction>(n); }},
+      Kind{"fault", kFaultCount - 1,
+           [](auto& t, int n) { t.output.record.first_fault.fault = static_cast<Fault>(n); }},
+      Kind{"state of the fault", last_state,
+           [](auto& t, int n) {
+             t.output.record.first_fault.state = static_cast<ExecutorState>(n);
+           }},
+      Kind{"reaction to the fault", last_reaction,
+           [](auto& t, int n) { t.output.record.first_fault.reaction = static_cast<Reaction>(n); }},
+      Kind{"of the sensor", kSensorStatusCount - 1,
+           [](auto& t, int n) { t.output.record.sensor.status = static_cast<SensorStatus>(n); }},
+      Kind{"state of the drive", static_cast<int>(DriveState::kLost),
+           [](auto& t, int n) {
+             t.output.record.joints[0].drive_state = static_cast<DriveState>(n);
+           }},
+      Kind{"of the reply", static_cast<int>(ReplyStatus::kOkSomeLate), [](auto& t, int n) {
+             t.output.record.joints[0].reply_status = static_cast<ReplyStatus>(n);
+           }}};
+  for (const Kind& kind : kinds) {
+    for (const int number : {kind.last, kind.last + 1}) {
+      SmallTick tick;
+      kind.set(tick, number);
+      EXPECT_EQ(tick.IsRead(), number == kind.last) << kind.name << " " << number;
+    }
+  }
+}
+
+TEST(TickEntry, IsRefusedWithAFrameThatNoBusCarries) {
+  struct Row {
+    std::uint32_t id;
+    bool extended;
+    int size;
+    bool read;
+  };
+  for (const Row& row : {Row{0x7ff, false, 8, true},
+                         {0x800, false, 8, false},
+                         {0x800, true, 8, true},
+                         {0x1fffffff, true, 8, true},
+                         {0x20000000, true, 8, false},
+                         {0x7ff, false, 9, false}}) {
+    CanFrame frame;
+    frame.id = row.id;
+    frame.extended = row.extended;
+    frame.size = static_cast<std::uint8_t>(row.size);
+    SmallTick received, sent;
+    received.received = {{frame, 0}};
+    EXPECT_EQ(received.IsRead(), row.read) << row.id << " of " << row.size;
+    EXPECT_EQ(sent.output.frames[0].Add(frame), Status::kOk);
+    EXPECT_EQ(sent.IsRead(), row.read) << row.id << " of " << row.size;
+  }
+}
+
+TEST(TickEntry, IsRefusedWhereItsCountsContradictEachOtherOrATruthIsNoTruth) {
+  SmallTick tick;
+  tick.notes.sent_count = 1;
+  EXPECT_TRUE(tick.IsRead());
+  const std::vector<std::uint8_t> good = tick.Encode();
+  tick.notes.sent_count = 2;
+  EXPECT_FALSE(tick.IsRead()) << "more frames were sent than there are";
+
+  const auto entry = std::make_unique<TickEntry>();
+  const std::size_t record = good.size() - kRecordBytes - kJointBytes;
+  const std::size_t frames = record - 14, joint_count = record + 19;
+  const std::size_t limit_active = good.size() - kCorrectionBytes - 1;
+  ASSERT_EQ(good[frames], 1);
+  ASSERT_EQ(good[joint_count], 1);
+  ASSERT_EQ(good[limit_active], 0);
+  const auto is_read = [&](std::size_t at, int byte) {
+    std::vector<std::uint8_t> bytes = good;
+    bytes[at] = static_cast<std::uint8_t>(byte);
+    return DecodeTick(bytes, *entry);
+  };
+  EXPECT_FALSE(is_read(frames, FrameBatch::kCapacity + 1));
+  EXPECT_FALSE(is_read(joint_count, 0)) << "one joint's frames, and no joint";
+  EXPECT_FALSE(is_read(joint_count, 2));
+  EXPECT_TRUE(is_read(limit_active, 1));
+  EXPECT_FALSE(is_read(limit_active, 2));
+}
+
+TEST(TickEntry, IsNeitherWrittenNorReadWithMoreJointsThanAnExecutorHas) {
+  SmallTick tick;
+  tick.output.frames[0].Clear();
+  tick.output.record.joint_count = kMaxJoints;
+  EXPECT_TRUE(tick.IsRead());
+  std::vector<std::uint8_t> bytes = tick.Encode();
+  tick.output.record.joint_count = kMaxJoints + 1;
+  EXPECT_TRUE(tick.Encode().empty());
+
+  // One joint more, everywhere: the count, its frames (none), the record's count, its fields.
+  constexpr std::size_t kFrames = 71;
+  ASSERT_EQ(bytes[kFrames - 1], kMaxJoints);
+  bytes[kFrames - 1] = kMaxJoints + 1;
+  bytes.insert(bytes.begin() + kFrames, 0);
+  const std::size_t joint_count = kFrames + kMaxJoints + 1 + 19;
+  ASSERT_EQ(bytes[joint_count], kMaxJoints);
+  bytes[joint_count] = kMaxJoints + 1;
+  bytes.resize(bytes.size() + kJointBytes);
+  const auto entry = std::make_unique<TickEntry>();
+  EXPECT_FALSE(DecodeTick(bytes, *entry));
+}
+
+TEST(TickEntry, OfBeforeThereWereSensorsIsReadAsOneWithoutASensor) {
+  const auto entry = std::make_unique<TickEntry>();
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    AnyTick tick(seed);
+    std::vector<std::uint8_t> bytes = tick.Encode();
+    // What a record of version 3 does not have.
+    const std::size_t joints = tick.output.record.joint_count;
+    for (std::size_t i = joints; i-- > 0;) {
+      const auto end = bytes.end() - static_cast<std::ptrdiff_t>((joints - 1 - i) *
+                                                                 (kJointBytes - kCorrectionBytes));
+      bytes.erase(end - kCorrectionBytes, end);
+    }
+    const auto end =
+        bytes.end() - static_cast<std::ptrdiff_t>(joints * (kJointBytes - kCorrectionBytes));
+    bytes.erase(end - kSensorBytes, end);
+
+    EXPECT_FALSE(DecodeTick(bytes, *entry)) << "it lacks what a tick has now";
+    entry->record.sensor.status = SensorStatus::kLate;  // of the entry that was read before
+    for (JointRecord& joint : entry->record.joints) joint.correction_rad = 1;
+    ASSERT_TRUE(DecodeTick(bytes, *entry, TickFormat::kWithoutSensor)) << seed;
+    tick.output.record.sensor = {};
+    for (JointRecord& joint : tick.output.record.joints) joint.correction_rad = 0;
+    EXPECT_EQ(BitsOf(entry->record), BitsOf(tick.output.record)) << seed;
+  }
 }
 
 }  // namespace
