@@ -180,7 +180,8 @@ void SensorWatch::TakeReport(const InertialReading& reading,
   const float rate_rad_s = -turn[1];
 
   const bool fresh = IsOld();
-  const std::int32_t since = std::max<std::int32_t>(age_ticks_ - report_age_ticks, 0);  // the last report
+  const std::int32_t since =
+      std::max<std::int32_t>(age_ticks_ - report_age_ticks, 0);  // the last report
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
     twist_rad_ = Lanes{};
