@@ -97,6 +97,8 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
   }
   NoteStand(last);
   if (phase_ == Phase::kWait) {
+    // Whoever asks for rest in the tick of a start gets it.
+    if (finish_ || stop_ || disarm_) start_ = false;
     // Requests to a run that is over, or that has not begun, do not count for the next one.
     finish_ = finishing_ = stop_ = disarm_ = false;
     running_ = false;

@@ -795,6 +795,20 @@ TEST_F(AttendedRun, AStopEndsThisRunAndNotTheNext) {
   ASSERT_TRUE(TickUntil(ExecutorState::kSettling));
 }
 
+TEST_F(AttendedRun, WhoeverAsksForRestInTheTickOfAStartGetsIt) {
+  Tick(20);
+  for (const auto rest :
+       {&RunProcedure::RequestDisarm, &RunProcedure::RequestStop, &RunProcedure::RequestFinish}) {
+    ASSERT_EQ(Start(), Refusal::kNone);
+    (procedure.*rest)();
+    Tick(200);
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
+    EXPECT_EQ(procedure.runs(), 0);
+  }
+  ASSERT_EQ(Start(), Refusal::kNone);
+  EXPECT_TRUE(TickUntil(ExecutorState::kRunning)) << "it does not count for a later start";
+}
+
 TEST_F(AttendedRun, AfterAFaultItStartsOnlyOnceThatIsCleared) {
   ASSERT_EQ(Start(), Refusal::kNone);
   ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
