@@ -62,6 +62,30 @@ void FillBusFault(FlightEvent& event, FlightRandom& random) {
   if (event.a == static_cast<int>(BusFaultKind::kFlip)) event.x *= 0.2;
 }
 
+void FillCommand(FlightEvent& event, FlightRandom& random) {
+  event.a = random.Within(1, static_cast<int>(OperatorCommand::kGoHome));
+  if (random.Chance(0.25)) event.a = static_cast<int>(OperatorCommand::kStop);
+  // What takes the torque off ends most of what may happen.
+  if (event.a == static_cast<int>(OperatorCommand::kDisarm) && random.Chance(0.7))
+    event.a = static_cast<int>(OperatorCommand::kFinish);
+  event.b = random.Within(-1, 6);
+}
+
+void FillLink(FlightEvent& event, FlightRandom& random) {
+  constexpr std::array<Status, 4> kLost = {Status::kBusOff, Status::kLinkDown, Status::kIoError,
+                                           Status::kLinkGone};
+  event.a = static_cast<int>(kLost[static_cast<std::size_t>(random.Below(4))]);
+  event.ticks = static_cast<int>(random.Logarithmic(1, 300));
+}
+
+void FillSend(FlightEvent& event, FlightRandom& random) {
+  constexpr std::array<Status, 5> kFailures = {
+      Status::kWouldBlock, Status::kBusOff, Status::kLinkDown, Status::kIoError, Status::kLinkGone};
+  event.a = static_cast<int>(
+      kFailures[random.Chance(0.6) ? 0 : static_cast<std::size_t>(random.Below(5))]);
+  event.ticks = static_cast<int>(random.Logarithmic(1, 40));
+}
+
 FlightEvent RandomEvent(std::int32_t tick, FlightRandom& random) {
   FlightEvent event;
   event.tick = tick;
@@ -69,12 +93,7 @@ FlightEvent RandomEvent(std::int32_t tick, FlightRandom& random) {
   event.a = random.Below(8);
   switch (event.kind) {
     case FlightEventKind::kCommand:
-      event.a = random.Within(1, static_cast<int>(OperatorCommand::kGoHome));
-      if (random.Chance(0.25)) event.a = static_cast<int>(OperatorCommand::kStop);
-      // What takes the torque off ends most of what may happen.
-      if (event.a == static_cast<int>(OperatorCommand::kDisarm) && random.Chance(0.7))
-        event.a = static_cast<int>(OperatorCommand::kFinish);
-      event.b = random.Within(-1, 6);
+      FillCommand(event, random);
       break;
     case FlightEventKind::kRequest:
       event.a = random.Below(kFlightRequests);
@@ -97,22 +116,12 @@ FlightEvent RandomEvent(std::int32_t tick, FlightRandom& random) {
     case FlightEventKind::kLoseHeartbeat:
       event.ticks = static_cast<int>(random.Logarithmic(1, 800));
       break;
-    case FlightEventKind::kLink: {
-      constexpr std::array<Status, 4> kLost = {Status::kBusOff, Status::kLinkDown, Status::kIoError,
-                                               Status::kLinkGone};
-      event.a = static_cast<int>(kLost[static_cast<std::size_t>(random.Below(4))]);
-      event.ticks = static_cast<int>(random.Logarithmic(1, 300));
+    case FlightEventKind::kLink:
+      FillLink(event, random);
       break;
-    }
-    case FlightEventKind::kSend: {
-      constexpr std::array<Status, 5> kFailures = {Status::kWouldBlock, Status::kBusOff,
-                                                   Status::kLinkDown, Status::kIoError,
-                                                   Status::kLinkGone};
-      event.a = static_cast<int>(
-          kFailures[random.Chance(0.6) ? 0 : static_cast<std::size_t>(random.Below(5))]);
-      event.ticks = static_cast<int>(random.Logarithmic(1, 40));
+    case FlightEventKind::kSend:
+      FillSend(event, random);
       break;
-    }
     case FlightEventKind::kController:
       event.a = random.Within(0, static_cast<int>(CanControllerState::kBusOff));
       event.ticks = static_cast<int>(random.Logarithmic(1, 100));
@@ -227,6 +236,16 @@ Flight RandomFlight(std::uint64_t seed) {
   return flight;
 }
 
+void SortByTick(std::vector<FlightEvent>& events) {
+  // They are few and nearly in order, so each is put where it belongs: std::stable_sort would take
+  // memory by a function of the library that is deprecated.
+  for (auto event = events.begin(); event != events.end(); ++event) {
+    const auto place =
+        std::ranges::upper_bound(events.begin(), event, event->tick, {}, &FlightEvent::tick);
+    std::rotate(place, event, event + 1);
+  }
+}
+
 std::string ToText(const Flight& flight) {
   std::string text = fmt::format("flight seed={} ticks={}", flight.seed, flight.ticks);
   for (std::size_t i = 0; i < kFlightParts.size(); ++i) {
@@ -266,7 +285,7 @@ Flight ParseFlight(std::string_view text) {
          ParseNumber<std::int32_t>(words[2], number), ParseNumber<std::int32_t>(words[3], number),
          ParseNumber<std::int32_t>(words[4], number), ParseNumber<double>(words[5], number)});
   }
-  std::ranges::stable_sort(flight.events, {}, &FlightEvent::tick);
+  SortByTick(flight.events);
   return flight;
 }
 

@@ -79,6 +79,9 @@ struct Flight {
 /// The flight of a seed.
 [[nodiscard]] Flight RandomFlight(std::uint64_t seed);
 
+/// Puts events in the order of their ticks; those of a tick keep theirs.
+void SortByTick(std::vector<FlightEvent>& events);
+
 /// A flight as a text, one event a line, and back.
 [[nodiscard]] std::string ToText(const Flight& flight);
 /// @throws std::invalid_argument  naming the line.

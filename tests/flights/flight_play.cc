@@ -233,17 +233,9 @@ class World {
         moved_until_ = std::max(moved_until_, until + 50);
         joints_[joint].push_nm = {event.x, until};
         break;
-      case FlightEventKind::kStranger: {
-        const std::optional<CanFrame> drop =
-            event.b == 1 ? SideOf(drive).DropOut(drive) : std::nullopt;
-        foreign_[foreign_next_++ % foreign_.size()] =
-            drop ? *drop : SideOf(drive).StrangersCommand(drive);
-        // Not together with the host's, or neither would get through.
-        static_cast<void>(stranger_->SendAfter(
-            static_cast<std::int64_t>(event.x * static_cast<double>(setting_.period_ns)),
-            foreign_[(foreign_next_ - 1) % foreign_.size()]));
+      case FlightEventKind::kStranger:
+        SendAsStranger(drive, event.b == 1, event.x);
         break;
-      }
       case FlightEventKind::kNotANumber:
         if (const std::optional<CanFrame> frame = SideOf(drive).NotANumber(drive))
           static_cast<void>(stranger_->Send(*frame));
@@ -251,19 +243,33 @@ class World {
       case FlightEventKind::kSensor:
         sensor_.Fail(static_cast<FlightSensorFault>(event.a), event.ticks * setting_.period_ns);
         break;
-      case FlightEventKind::kFall: {
-        const auto beginnings = setting_.graph.beginnings();
-        const auto number = static_cast<std::size_t>(event.b);
-        sensor_.Fall(number < beginnings.size()
-                         ? static_cast<double>(beginnings[number].pitch_rad) + 0.02 * event.x
-                         : event.x);
+      case FlightEventKind::kFall:
+        Fall(event.b, event.x);
         break;
-      }
       case FlightEventKind::kRepair:
         moved_until_ = std::max(moved_until_, tick_ + 50);
         Repair();
         break;
     }
+  }
+
+  // Somebody else commands a drive, or makes it drop out, that share of a period from now: not
+  // together with the host's frames, or neither would get through.
+  void SendAsStranger(const DriveConfig& drive, bool drops_out, double share) {
+    const std::optional<CanFrame> drop = drops_out ? SideOf(drive).DropOut(drive) : std::nullopt;
+    CanFrame& frame = foreign_[foreign_next_++ % foreign_.size()];
+    frame = drop ? *drop : SideOf(drive).StrangersCommand(drive);
+    static_cast<void>(stranger_->SendAfter(
+        static_cast<std::int64_t>(share * static_cast<double>(setting_.period_ns)), frame));
+  }
+
+  // The robot comes to lie near a beginning of the graph, or, where it has no such, at an angle.
+  void Fall(std::int32_t beginning, double pitch_rad) {
+    const auto beginnings = setting_.graph.beginnings();
+    const auto number = static_cast<std::size_t>(beginning);
+    sensor_.Fall(number < beginnings.size()
+                     ? static_cast<double>(beginnings[number].pitch_rad) + 0.02 * pitch_rad
+                     : pitch_rad);
   }
 
   void Repair() {

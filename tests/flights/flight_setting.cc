@@ -151,12 +151,14 @@ Feedback<float> MakeFeedback(const Primitive<float>& primitive, float first_pitc
   return feedback;
 }
 
-void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
-               std::uint32_t left_out) {
-  SequenceGraph<float>& graph = setting.graph;
-  graph.name = FixedString<48>("flight");
-  graph.partner = roles.partner;
-  graph.swap_pitch_rad = random.Real(-3.1, 3.1);
+/// The poses where a primitive begins and ends, by their numbers.
+struct Ends {
+  int from = 0, to = 0;
+};
+
+// The primitives of the graph. @returns the ends of each.
+std::vector<Ends> MakePrimitives(FlightSetting& setting, const Roles& roles, FlightRandom& random,
+                                 std::uint32_t left_out) {
   const int poses = random.Within(1, 3);
   std::vector<Pose> pose;
   for (int i = 0; i < poses; ++i) pose.push_back(RandomPose(roles, random));
@@ -165,12 +167,13 @@ void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
   const float entry = random.Real(0.02, 0.2);
   const float following = random.Real(0.1, 0.5);
   const bool misfits = random.Chance(0.12);
-  std::vector<int> from, to;
+  std::vector<Ends> ends;
   for (int p = 0; p < primitives; ++p) {
     Primitive<float> primitive;
     primitive.name = FixedString<48>("primitive" + std::to_string(p));
-    from.push_back(p == 0 ? 0 : random.Below(poses));
-    to.push_back(random.Below(poses));
+    const int from = p == 0 ? 0 : random.Below(poses);
+    const int to = random.Below(poses);
+    ends.push_back({from, to});
     primitive.duration_s = random.Real(0.15, 0.7);
     primitive.settle_s = random.Chance(0.3) ? 0 : random.Real(0, 0.1);
     primitive.entry_tolerance_rad = entry;
@@ -180,8 +183,8 @@ void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
     for (std::size_t j = 0; j < static_cast<std::size_t>(roles.joint_count); ++j) {
       // A primitive that does not begin where the one before has ended.
       const float off = misfits && p > 0 ? random.Real(-0.5, 0.5) : 0;
-      primitive.joints[j] = RandomMotion(pose[static_cast<std::size_t>(from.back())][j] + off,
-                                         pose[static_cast<std::size_t>(to.back())][j],
+      primitive.joints[j] = RandomMotion(pose[static_cast<std::size_t>(from)][j] + off,
+                                         pose[static_cast<std::size_t>(to)][j],
                                          primitive.duration_s, spike && j == 0, random);
       primitive.joints[j].name = FixedString<32>("joint" + std::to_string(j + 1));
     }
@@ -190,7 +193,10 @@ void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
       primitive.aborts = MakeAborts(primitive, aborts);
     setting.primitives.push_back(primitive);
   }
+  return ends;
+}
 
+void MakeNodes(SequenceGraph<float>& graph, int primitives, FlightRandom& random) {
   graph.node_count = random.Within(1, 6);
   for (int i = 0; i < graph.node_count; ++i) {
     SequenceNode& node = graph.node_storage[static_cast<std::size_t>(i)];
@@ -205,14 +211,18 @@ void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
     }
     graph.last_pitch_rad[static_cast<std::size_t>(i)] = random.Real(-3, 3);
   }
-  const auto begins_in = [&](int node) {
-    return from[static_cast<std::size_t>(graph.node(node).primitive)];
-  };
+}
+
+const Ends& EndsOf(const SequenceGraph<float>& graph, int node, const std::vector<Ends>& ends) {
+  return ends[static_cast<std::size_t>(graph.node(node).primitive)];
+}
+
+// Edges to nodes that begin where the one before has ended.
+void MakeEdges(SequenceGraph<float>& graph, const std::vector<Ends>& ends, FlightRandom& random) {
   const auto next_of = [&](int node) {
     std::vector<int> next;
-    const int pose_there = to[static_cast<std::size_t>(graph.node(node).primitive)];
     for (int i = 0; i < graph.node_count; ++i) {
-      if (begins_in(i) == pose_there) next.push_back(i);
+      if (EndsOf(graph, i, ends).from == EndsOf(graph, node, ends).to) next.push_back(i);
     }
     return next;
   };
@@ -233,27 +243,48 @@ void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
     if (random.Chance(0.4)) add(i, next, EdgeCondition::kBranch, "left");
     if (random.Chance(0.2)) add(i, next, EdgeCondition::kBranch, "right");
   }
-  if (random.Chance(0.6)) {
-    graph.beginning_within_rad = random.Real(0.2, 0.7);
-    for (int i = 0; i < graph.node_count; ++i) {
-      const float pitch = random.Real(-3, 3);
-      if (i != graph.start && (begins_in(i) != 0 || !random.Chance(0.6))) continue;
-      graph.beginning_storage[static_cast<std::size_t>(graph.beginning_count++)] = {i, pitch};
-    }
+}
+
+// Where a robot may lie when a run begins: at the start, and at nodes with the start's first pose.
+void MakeBeginnings(SequenceGraph<float>& graph, const std::vector<Ends>& ends,
+                    FlightRandom& random) {
+  if (!random.Chance(0.6)) return;
+  graph.beginning_within_rad = random.Real(0.2, 0.7);
+  for (int i = 0; i < graph.node_count; ++i) {
+    const float pitch = random.Real(-3, 3);
+    if (i != graph.start && (EndsOf(graph, i, ends).from != 0 || !random.Chance(0.6))) continue;
+    graph.beginning_storage[static_cast<std::size_t>(graph.beginning_count++)] = {i, pitch};
   }
-  // The plan's angle from where the robot lies before to where it lies after.
-  for (int p = 0; p < primitives; ++p) {
+}
+
+// The plan's angle from where the robot lies before to where it lies after.
+void MakeFeedbacks(FlightSetting& setting, FlightRandom& random, std::uint32_t left_out) {
+  const SequenceGraph<float>& graph = setting.graph;
+  for (std::size_t p = 0; p < setting.primitives.size(); ++p) {
     FlightRandom feedback = FlightRandom(random.Bits());
     if (!feedback.Chance(0.5) || LeavesOut(left_out, "feedback")) continue;
     float first = feedback.Real(-1, 1), last = feedback.Real(-1, 1);
     for (int i = 0; i < graph.node_count; ++i) {
-      if (graph.node(i).primitive != p) continue;
+      if (graph.node(i).primitive != static_cast<int>(p)) continue;
       last = graph.last_pitch_rad[static_cast<std::size_t>(i)];
       if (graph.node(i).swapped) last -= graph.swap_pitch_rad;
     }
-    Primitive<float>& primitive = setting.primitives[static_cast<std::size_t>(p)];
+    Primitive<float>& primitive = setting.primitives[p];
     primitive.feedback = MakeFeedback(primitive, first, last, feedback);
   }
+}
+
+void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
+               std::uint32_t left_out) {
+  SequenceGraph<float>& graph = setting.graph;
+  graph.name = FixedString<48>("flight");
+  graph.partner = roles.partner;
+  graph.swap_pitch_rad = random.Real(-3.1, 3.1);
+  const std::vector<Ends> ends = MakePrimitives(setting, roles, random, left_out);
+  MakeNodes(graph, static_cast<int>(ends.size()), random);
+  MakeEdges(graph, ends, random);
+  MakeBeginnings(graph, ends, random);
+  MakeFeedbacks(setting, random, left_out);
 }
 
 JointMap RandomMap(FlightRandom& random) {

@@ -70,7 +70,7 @@ class Shrinking {
           if (i >= best_.events.size()) return;
           Flight less = best_;
           how(less.events[i]);
-          std::ranges::stable_sort(less.events, {}, &FlightEvent::tick);
+          SortByTick(less.events);
           if (less == best_ || !Try(less)) return;
         }
       };

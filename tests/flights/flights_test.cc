@@ -17,6 +17,7 @@
 namespace tumbler {
 namespace {
 
+using ::testing::ElementsAre;
 using testing::Flight;
 using testing::FlightOptions;
 using testing::FlightOutcome;
@@ -70,6 +71,20 @@ TEST(Flights, AreTheSameFromTheirText) {
     flight.left_out = static_cast<std::uint32_t>(seed) % (1U << testing::kFlightParts.size());
     ASSERT_EQ(ParseFlight(ToText(flight)), flight) << ToText(flight);
   }
+}
+
+TEST(Flights, EventsOfATextAreInTheOrderOfTheirTicksAndThoseOfATickInThatOfTheirLines) {
+  const Flight flight = ParseFlight(
+      "flight seed=1 ticks=100\n"
+      "30 heat 0 0 0 1\n"
+      "10 heat 0 0 0 2\n"
+      "30 heat 0 0 0 3\n"
+      "20 heat 0 0 0 4\n"
+      "10 heat 0 0 0 5\n"
+      "30 heat 0 0 0 6\n");
+  std::vector<double> order;
+  for (const testing::FlightEvent& event : flight.events) order.push_back(event.x);
+  EXPECT_THAT(order, ElementsAre(2, 5, 4, 1, 3, 6));
 }
 
 TEST(Flights, TextsThatAreNoneAreRefusedByTheirLine) {
