@@ -375,7 +375,9 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     lowered = std::max(0.0F, 1 - static_cast<float>(lowering_ticks_) * config_.period_s / kLower_s);
   }
   // Whether gains and feed-forward are others than those of the configuration and the plan.
-  const bool changed = lowering_ || damped || !armed || reaction_ == Reaction::kCollapse;
+  // A fault of a joint may change the reaction for the next tick, and not for the joints after it.
+  const bool folds_softly = reaction_ == Reaction::kCollapse;
+  const bool changed = lowering_ || damped || !armed || folds_softly;
   DriveRequest request = DriveRequest::kEnable;
   if (!armed) {
     request = unarmed_request_;
@@ -392,7 +394,7 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     DriveSetpoint setpoint{joint.commanded.position_rad, joint.commanded.velocity_rad_s,
                            joint.commanded.torque_nm, config.kp_nm_per_rad, config.kd_nm_s_per_rad};
     if (changed) {
-      if (reaction_ == Reaction::kCollapse) {
+      if (folds_softly) {
         setpoint.kp_nm_per_rad *= config_.collapse.stiffness;
       } else if (damped || !armed) {
         setpoint.velocity_rad_s = 0;

@@ -662,6 +662,28 @@ TEST(Executor, ASetpointThatADriveCannotBeSentIsAFault) {
   EXPECT_EQ(rig.output.record.first_fault.joint, 1);
 }
 
+TEST(Executor, AFaultOfOneJointInACollapseDoesNotStiffenTheOthers) {
+  const Primitive<float> motion = Motion(13);
+  ExecutorConfig config;
+  config.collapse.configured = true;
+  for (std::size_t i = 0; i < 2; ++i)
+    config.collapse.position_rad[i] = motion.joints[i].position.control_points()[0];
+  for (const ExecutorState state : {ExecutorState::kHolding, ExecutorState::kRunning})
+    ASSERT_TRUE(config.reactions.Set(Fault::kLateTick, state, Reaction::kCollapse));
+  ExecutorRig rig(config, motion);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  rig.input.tick += 10;
+  ASSERT_EQ(rig.Tick().reaction, Reaction::kCollapse);
+  rig.Tick();
+  const float soft = rig.drives[1]->setpoint.kp_nm_per_rad;
+  ASSERT_LT(soft, config.joints[1].kp_nm_per_rad);
+  rig.drives[0]->encode_status = Status::kInvalidArgument;
+  rig.Tick();
+  EXPECT_EQ(rig.drives[1]->setpoint.kp_nm_per_rad, soft);
+  EXPECT_EQ(rig.Tick().reaction, Reaction::kDamp);
+  EXPECT_EQ(rig.drives[1]->setpoint.kp_nm_per_rad, 0);
+}
+
 TEST(Executor, WhereADriveDoesNotSayWhatItWasSentItIsArmedAtWhatItMeasures) {
   ExecutorRig rig({}, Motion(13));
   rig.drives[1]->on_wire = DriveSetpoint{std::numeric_limits<float>::quiet_NaN(), 0, 0, 0, 0};
