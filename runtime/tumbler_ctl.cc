@@ -384,10 +384,14 @@ ExitStatus Main(int argc, char** argv) {
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  std::optional<RequestKey> key;
-  if (!key_file.empty()) key.emplace(key_file);
-  Remote remote(url, robot, std::move(key));
   const std::string name = line.given_subcommand();
+  // Requests towards rest need no key, and a lost one must not keep them from the robot.
+  const bool rest = name == ToString(OperatorRequest::kFinish) ||
+                    name == ToString(OperatorRequest::kStop) ||
+                    name == ToString(OperatorRequest::kDisarm);
+  std::optional<RequestKey> key;
+  if (!key_file.empty() && !rest) key.emplace(key_file);
+  Remote remote(url, robot, std::move(key));
   if (name == "status") return Status(remote, json);
   if (name == "watch") return Watch(remote);
   for (int command = command_t::START; command <= command_t::DISARM; ++command) {

@@ -184,6 +184,13 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   if (recorded.samples.empty() || recorded.samples[0].empty()) {
     throw std::runtime_error(fmt::format("{}: nothing was played in this run", options.record));
   }
+  const bool whole = record.damages().empty() && record.lost().empty();
+  if (!whole && options.run.arm) {
+    throw Refused(fmt::format(
+        "{}: ticks of it are missing, and with them perhaps requests to stop; play a record that "
+        "is whole",
+        options.record));
+  }
   RecordToPlay to_play{
       options.record, record.configuration(), {}, options.primitive, options.given};
   if (options.primitive.empty()) to_play.wishes = WishesOf(record);
@@ -217,6 +224,8 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
     case RunOutcome::kCompleted:
       break;
   }
+  if (!whole || !played.unwritten.empty() || !played.record_problem.empty())
+    return ExitStatus::kAmiss;
   return same || !options.primitive.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 

@@ -1,11 +1,13 @@
 #include "firmware_interface/can/interface_lock.h"
 
 #include <fmt/format.h>
+#include <net/if.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstddef>
 #include <fstream>
@@ -29,6 +31,13 @@ struct LockName {
   sockaddr_un address{};
   socklen_t size = 0;
 };
+
+/// The interface's own name, of whatever other names it has (`ip link property add ... altname`).
+std::string OwnName(const std::string& interface) {
+  std::array<char, IF_NAMESIZE> name{};
+  const unsigned index = if_nametoindex(interface.c_str());
+  return index != 0 && if_indextoname(index, name.data()) != nullptr ? name.data() : interface;
+}
 
 int MakeSocket() { return socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0); }
 
@@ -56,7 +65,7 @@ InterfaceLock::~InterfaceLock() {
 }
 
 std::string InterfaceLock::Take(const std::string& interface) {
-  const LockName name(interface);
+  const LockName name(OwnName(interface));
   constexpr int kAskersMax = 16;
   socket_ = MakeSocket();
   const bool bound = socket_ >= 0 && bind(socket_, reinterpret_cast<const sockaddr*>(&name.address),

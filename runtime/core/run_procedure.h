@@ -94,6 +94,8 @@ class RunProcedure {
   /// Torque off at once.
   void RequestDisarm() noexcept { disarm_ = true; }
 
+  /// Whether somebody has asked for its end.
+  [[nodiscard]] bool quits() const noexcept { return quit_; }
   /// Whether the procedure is over: disarmed, and every drive was told so several times.
   [[nodiscard]] bool done() const noexcept { return phase_ == Phase::kDone; }
   /// The outcome of the present or the last run; kStopped if none was ever started.

@@ -33,7 +33,8 @@ ControlLoop::ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_
     : parts_(parts),
       period_ns_(period_ns),
       start_ns_(start_ns),
-      suspended_ns_(parts.clock.suspended_ns()) {}
+      suspended_ns_(parts.clock.suspended_ns()),
+      last_send_ns_(start_ns) {}
 
 // No computer is suspended and back within less. A reading of the clock may be off by as much as
 // the loop's thread had to wait between its two halves.
@@ -174,7 +175,17 @@ void ControlLoop::Send(TickNotes& notes) noexcept {
   }
   notes.send_ns = parts_.clock.now_ns();
   std::size_t sent = 0;
-  send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
+  // A pause may have come since this tick began. Its setpoints are of before it then; the next tick
+  // knows.
+  const std::int64_t gap_ns = notes.send_ns - last_send_ns_;
+  const bool drives = output_.record.state != ExecutorState::kDisarmed &&
+                      output_.record.reaction != Reaction::kDisable;
+  if (drives && gap_ns > (parts_.executor.pause_ticks_max() + 1) * period_ns_) {
+    send_status_ = Status::kWouldBlock;
+  } else {
+    send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
+    last_send_ns_ = notes.send_ns;
+  }
   for (std::size_t i = 0; i < sent; ++i) timed_.bus_bits += LongestBits(to_send_[i]);
   notes.sent_status = send_status_;
   notes.sent_count = static_cast<std::uint8_t>(sent);

@@ -101,6 +101,7 @@ class ControlLoop {
   std::int64_t period_ns_;
   std::int64_t start_ns_;
   std::int64_t suspended_ns_;  // of the clock when last seen
+  std::int64_t last_send_ns_;
   std::int64_t next_tick_ = 0;
   Status receive_status_ = Status::kOk;
   Status send_status_ = Status::kOk;

@@ -62,7 +62,7 @@ std::array<KnownPosition, kMaxJoints> ReadKnownPose(const std::string& path,
     const DriveEntry& drive = drives.drives[i];
     const Json* const shaft = shafts->Find(drive.joint);
     if (shaft == nullptr) continue;
-    if (!shaft->is_number() || !std::isfinite(shaft->number()))
+    if (!shaft->is_number() || !std::isfinite(static_cast<float>(shaft->number())))
       FailPose(path, fmt::format("shafts_rad: {} is not a number", drive.joint));
     const JointMap& map = JointOf(drive.config);
     known[i].known = true;

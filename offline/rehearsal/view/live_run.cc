@@ -127,7 +127,7 @@ struct LiveRun::Implementation {
 
   std::string Ask(EndRequest request, const std::string& number) {
     const std::lock_guard lock(mutex);
-    if (!selected || !run.state()) return "no run is heard";
+    if (!selected) return "no run is heard";  // One whose drives are checked has no state yet.
     if (number != std::to_string(*selected)) return "another run is shown now";
     if (*selected == 0) return "a run in virtual time takes no requests";
     // The numbers have to differ from those of any other requests.
