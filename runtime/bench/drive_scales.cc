@@ -312,7 +312,8 @@ std::size_t ColumnsOf(const LawTerms& terms) {
 /// @param explained  gets the share that it explains.
 LawDelays FindDelays(const DriveEntry& entry, const DriveRecording& recording,
                      const LawTerms& terms, double period_s, double& explained) {
-  constexpr double kPeriodsMax = 4, kEarliest_s = -0.001, kLatest_s = 0.005;
+  constexpr int kPeriodsMax = 4;
+  constexpr double kEarliest_s = -0.001, kLatest_s = 0.005;
   constexpr std::size_t kEnough = 1000;  // samples
   const std::size_t stride = std::max<std::size_t>(recording.torques_nm.size() / kEnough, 1);
   LawDelays best;
@@ -332,7 +333,7 @@ LawDelays FindDelays(const DriveEntry& entry, const DriveRecording& recording,
     return true;
   };
   for (const double torque_s : {0.0, 0.001, 0.003}) {
-    for (double periods = 0; periods <= kPeriodsMax; ++periods)
+    for (int periods = 0; periods <= kPeriodsMax; ++periods)
       try_delays({periods * period_s, torque_s});
   }
   for (double step_s = 0.5 * period_s; step_s > 0.01 * period_s;) {
