@@ -312,7 +312,8 @@ std::size_t ColumnsOf(const LawTerms& terms) {
 /// @param explained  gets the share that it explains.
 LawDelays FindDelays(const DriveEntry& entry, const DriveRecording& recording,
                      const LawTerms& terms, double period_s, double& explained) {
-  constexpr double kPeriodsMax = 4, kEarliest_s = -0.001, kLatest_s = 0.005;
+  constexpr int kPeriodsMax = 4;
+  constexpr double kEarliest_s = -0.001, kLatest_s = 0.005;
   constexpr std::size_t kEnough = 1000;  // samples
   const std::size_t stride = std::max<std::size_t>(recording.torques_nm.size() / kEnough, 1);
   LawDelays best;
@@ -332,7 +333,7 @@ LawDelays FindDelays(const DriveEntry& entry, const DriveRecording& recording,
     return true;
   };
   for (const double torque_s : {0.0, 0.001, 0.003}) {
-    for (double periods = 0; periods <= kPeriodsMax; ++periods)
+    for (int periods = 0; periods <= kPeriodsMax; ++periods)
       try_delays({periods * period_s, torque_s});
   }
   for (double step_s = 0.5 * period_s; step_s > 0.01 * period_s;) {
@@ -426,19 +427,49 @@ struct ScaleTerm {
   ScaleRatio ratio;  ///< True scale to the file's, relative to the other terms of its family.
 };
 
+ScaleTerm RangeTerm(std::string key, const DriveRange& range, ModelTable table,
+                    const ScaleRatio& ratio) {
+  return {std::move(key), double{range.max}, true, false, false, table, ratio};
+}
+/// Of the term that the others of its family are relative to.
+constexpr ScaleRatio kYardstick{0, 0, false};
+
+/// Terms that are judged together, because only ratios of their scales are measured.
+struct ScaleFamily {
+  std::vector<ScaleTerm> terms;
+  /// Logarithm of the true scale to which the ratios are relative; nothing: not known, so that each
+  /// of the terms may be the one that is right.
+  std::optional<double> reference;
+};
+
+/// A gain of a drive's law.
+struct LawGain {
+  const char* key;                     ///< In the drives file.
+  const char* term;                    ///< Its term of the law.
+  DriveRange ImpedanceRanges::*range;  ///< Where the protocol carries it,
+  float DriveEntry::*of_drive;         ///< and where it is the drive's own.
+};
+constexpr LawGain kStiffness{"kp_nm_per_rad", "kp (position - q)", &ImpedanceRanges::kp_nm_per_rad,
+                             &DriveEntry::kp_nm_per_rad};
+constexpr LawGain kDamping{"kd_nm_s_per_rad", "kd (velocity - qdot)",
+                           &ImpedanceRanges::kd_nm_s_per_rad, &DriveEntry::kd_nm_s_per_rad};
+
+/// Whether a ratio is told to be another than that with this logarithm, whatever its sign.
+bool IsOff(const ScaleRatio& ratio, double log = 0) {
+  return ratio.told() && std::abs(ratio.log - log) > kSameScale + 2 * ratio.error;
+}
+
 /// Terms that are not as the file says, with the logarithms of true scale to the file's.
 struct Explanation {
   std::vector<std::pair<std::size_t, double>> wrong;
 };
 
 /// The explanations with the fewest wrong terms.
-/// @param reference  logarithm of the true scale to which the ratios are relative; nothing: not
-///                   known, so that each of the terms may be the one that is right.
-std::vector<Explanation> Explain(const std::vector<ScaleTerm>& terms,
-                                 std::optional<double> reference) {
+std::vector<Explanation> Explain(const ScaleFamily& family) {
+  const std::vector<ScaleTerm>& terms = family.terms;
   std::vector<double> references;
-  if (reference) {
-    references.push_back(*reference);
+  if (family.reference) {
+    references.push_back(*family.reference);
   } else {
     for (const ScaleTerm& term : terms) references.push_back(-term.ratio.log);
   }
@@ -484,14 +515,24 @@ class ScaleJudge {
   void NotTold(const std::string& what) { judgement_.not_told.push_back(drive_ + ": " + what); }
   [[nodiscard]] std::string ModelsWith(ModelTable table, double value) const;
   [[nodiscard]] std::string Describe(const ScaleTerm& term, double log) const;
-  void Report(const std::vector<ScaleTerm>& terms, const std::vector<Explanation>& explanations,
-              const std::string& evidence, bool relative);
+  void Report(const ScaleFamily& family, const std::vector<Explanation>& explanations,
+              const std::string& evidence);
   [[nodiscard]] static std::string Instead(const std::vector<ScaleTerm>& terms, std::size_t wrong,
                                            double log);
   void JudgeMotion();
+  [[nodiscard]] ScaleFamily ReportedMotion(const ScaleRatio& velocity) const;
+  void AddAskedMotion(const ScaleRatio& velocity, ScaleFamily& family, std::string& evidence);
+  bool JudgeOtherWay(const ScaleFamily& family, const std::string& evidence,
+                     const Explanation& ranges);
   void JudgeTorque();
-  bool JudgeOtherWay(double reference, const std::string& evidence, const Explanation& ranges,
-                     const std::vector<ScaleTerm>& terms);
+  bool TorqueTells();
+  ScaleFamily ReportedTorque();
+  void AddAskedTorque(ScaleFamily& family, std::vector<std::string>& evidence);
+  void AddGain(const LawGain& gain, const ScaleRatio& ratio, double error_log, ScaleFamily& family,
+               std::vector<std::string>& evidence);
+  [[nodiscard]] bool torque_asked_told() const {
+    return scales_.torque_asked.told() && !scales_.torque_asked.reversed;
+  }
   void Reversed(const std::string& what) {
     judgement_.findings.push_back(
         {"wrong-sign", entry_.joint,
@@ -544,10 +585,10 @@ std::string ScaleJudge::Instead(const std::vector<ScaleTerm>& terms, std::size_t
       fmt::join(keys, " and "), std::exp(-log));
 }
 
-/// @param relative  whether only the ratios of the terms are known.
-void ScaleJudge::Report(const std::vector<ScaleTerm>& terms,
-                        const std::vector<Explanation>& explanations, const std::string& evidence,
-                        bool relative) {
+void ScaleJudge::Report(const ScaleFamily& family, const std::vector<Explanation>& explanations,
+                        const std::string& evidence) {
+  const std::vector<ScaleTerm>& terms = family.terms;
+  const bool relative = !family.reference;
   if (explanations.empty() || explanations.front().wrong.empty()) return;
   const auto kind = [&](const Explanation& of) {
     const bool range =
@@ -578,9 +619,6 @@ void ScaleJudge::Report(const std::vector<ScaleTerm>& terms,
 
 // Positions and velocities. Logarithms are relative to the scale of reported positions.
 void ScaleJudge::JudgeMotion() {
-  const auto* mit = std::get_if<MitConfig>(&entry_.config);
-  const auto* ak = std::get_if<AkV3Config>(&entry_.config);
-  const auto* cia402 = std::get_if<Cia402Config>(&entry_.config);
   if (!scales_.velocity.told()) {
     NotTold(fmt::format("the scale of its velocity, since its joint moved by {:.4f} rad only",
                         scales_.way_rad));
@@ -591,125 +629,126 @@ void ScaleJudge::JudgeMotion() {
     Reversed("it reports velocities against the motion of its positions");
     return;
   }
-  const auto is_wrong = [](const ScaleRatio& of) {
-    return of.told() && std::abs(of.log) > kSameScale + 2 * of.error;
-  };
-  std::vector<ScaleTerm> terms;
   // True scale of reported velocities to that of reported positions.
   const ScaleRatio velocity{-scales_.velocity.log, scales_.velocity.error, false};
-  std::optional<double> reference;
-  if (known_.position) reference = std::log(*known_.position);
-  const bool positions_apart = is_wrong(scales_.position_asked);
-  const bool velocities_apart = is_wrong(scales_.velocity_asked);
-  if (mit != nullptr) {
-    terms.push_back({positions_apart ? "reply_range.position_rad" : "range.position_rad",
-                     double{mit->reply.position_rad.max},
-                     true,
-                     false,
-                     false,
-                     ModelTable::kNone,
-                     {0, 0, false}});
-    terms.push_back({velocities_apart ? "reply_range.velocity_rad_s" : "range.velocity_rad_s",
-                     double{mit->reply.velocity_rad_s.max}, true, false, false,
-                     ModelTable::kVelocity, velocity});
-  } else if (ak != nullptr) {
-    // Positions are reported in tenths of degrees by the protocol.
-    reference = 0;
-    terms.push_back({"pole_pairs x gear_inside", ak->pole_pairs * double{ak->gear_inside}, false,
-                     true, true, ModelTable::kMotor, velocity});
-  } else if (cia402 != nullptr) {
-    terms.push_back({"position_units_per_turn",
-                     double{cia402->position_units_per_turn},
-                     false,
-                     true,
-                     true,
-                     ModelTable::kNone,
-                     {0, 0, false}});
-    terms.push_back({"velocity_units_per_turn_s", double{cia402->velocity_units_per_turn_s}, false,
-                     true, true, ModelTable::kNone, velocity});
-  } else {
-    // Both are turns by the protocol.
-    reference = 0;
-    terms.push_back({"the scale of the velocity that the drive itself estimates", 1, false, true,
-                     false, ModelTable::kNone, velocity});
-  }
+  ScaleFamily family = ReportedMotion(velocity);
   std::string evidence = fmt::format(
       "velocities are reported {:.3f} times as fast as positions change", scales_.velocity.value());
-  if (scales_.gains_carried) {
-    const ShaftRanges ranges = CommandRanges(entry_.config);
-    if (scales_.position_asked.told()) {
-      Judged("positions asked for against reported ones");
-      evidence += fmt::format(", positions asked for are {:.3f} times those reported",
-                              scales_.position_asked.value());
-    } else {
-      NotTold("positions asked for against reported ones");
-    }
-    if (positions_apart || (ak != nullptr && scales_.position_asked.told())) {
-      terms.push_back({"range.position_rad", double{ranges.position_rad.max}, true, false, false,
-                       ModelTable::kNone, scales_.position_asked});
-    }
-    if (scales_.velocity_asked.told()) {
-      Judged("velocities asked for against reported ones");
-      evidence +=
-          fmt::format(", velocities asked for {:.3f} times", scales_.velocity_asked.value());
-    } else {
-      NotTold("velocities asked for against reported ones");
-    }
-    if (velocities_apart || (ak != nullptr && scales_.velocity_asked.told())) {
-      terms.push_back({"range.velocity_rad_s",
-                       double{ranges.velocity_rad_s.max},
-                       true,
-                       false,
-                       false,
-                       ModelTable::kVelocity,
-                       {scales_.velocity_asked.log + velocity.log,
-                        std::hypot(scales_.velocity_asked.error, velocity.error), false}});
-    }
-  }
-  if (!reference) {
+  if (scales_.gains_carried) AddAskedMotion(velocity, family, evidence);
+  if (!family.reference) {
     NotTold(
         "whether positions and velocities are off by one and the same factor, since its joint "
         "was not turned through a known way");
   }
-  std::vector<Explanation> explanations = Explain(terms, reference);
-  const bool only_way = reference && std::abs(*reference) > kSameScale && ak == nullptr &&
-                        (mit != nullptr || cia402 != nullptr) && !positions_apart &&
-                        std::abs(velocity.log) <= kSameScale + 2 * velocity.error;
-  if (only_way && !JudgeOtherWay(*reference, evidence, explanations.front(), terms)) {
+  const std::vector<Explanation> explanations = Explain(family);
+  const bool only_way = std::abs(family.reference.value_or(0)) > kSameScale &&
+                        !IsOff(scales_.position_asked) && !IsOff(velocity);
+  if (only_way && !JudgeOtherWay(family, evidence, explanations.front())) {
     position_log_ = velocity_log_ = 0;
     return;
   }
-  if (!only_way) Report(terms, explanations, evidence, !reference);
+  if (!only_way) Report(family, explanations, evidence);
   // Several explanations may be as good; the torque is judged by the first.
-  position_log_ = reference.value_or(0);
+  position_log_ = family.reference.value_or(0);
   for (const auto& [i, log] : explanations.front().wrong) {
-    if (!reference && i == 0) position_log_ = log;
+    if (!family.reference && i == 0) position_log_ = log;
   }
   velocity_log_ = velocity.log + position_log_;
+}
+
+/// What scales the positions (first) and velocities that are reported, by the protocol.
+/// @param velocity  true scale of reported velocities to that of reported positions.
+ScaleFamily ScaleJudge::ReportedMotion(const ScaleRatio& velocity) const {
+  ScaleFamily family;
+  if (known_.position) family.reference = std::log(*known_.position);
+  if (const auto* mit = std::get_if<MitConfig>(&entry_.config)) {
+    const bool positions_apart = IsOff(scales_.position_asked);
+    const bool velocities_apart = IsOff(scales_.velocity_asked);
+    family.terms = {
+        RangeTerm(positions_apart ? "reply_range.position_rad" : "range.position_rad",
+                  mit->reply.position_rad, ModelTable::kNone, kYardstick),
+        RangeTerm(velocities_apart ? "reply_range.velocity_rad_s" : "range.velocity_rad_s",
+                  mit->reply.velocity_rad_s, ModelTable::kVelocity, velocity)};
+  } else if (const auto* ak = std::get_if<AkV3Config>(&entry_.config)) {
+    // Positions are reported in tenths of degrees by the protocol.
+    family.reference = 0;
+    family.terms = {{"pole_pairs x gear_inside", ak->pole_pairs * double{ak->gear_inside}, false,
+                     true, true, ModelTable::kMotor, velocity}};
+  } else if (const auto* cia402 = std::get_if<Cia402Config>(&entry_.config)) {
+    family.terms = {{"position_units_per_turn", double{cia402->position_units_per_turn}, false,
+                     true, true, ModelTable::kNone, kYardstick},
+                    {"velocity_units_per_turn_s", double{cia402->velocity_units_per_turn_s}, false,
+                     true, true, ModelTable::kNone, velocity}};
+  } else {
+    // Both are turns by the protocol.
+    family.reference = 0;
+    family.terms = {{"the scale of the velocity that the drive itself estimates", 1, false, true,
+                     false, ModelTable::kNone, velocity}};
+  }
+  return family;
+}
+
+/// Adds the ranges of positions and velocities that are asked for, where they are not those of the
+/// reports.
+void ScaleJudge::AddAskedMotion(const ScaleRatio& velocity, ScaleFamily& family,
+                                std::string& evidence) {
+  // What it reports has no range.
+  const bool always_apart = std::holds_alternative<AkV3Config>(entry_.config);
+  const auto is_apart = [always_apart](const ScaleRatio& ratio) {
+    return IsOff(ratio) || (always_apart && ratio.told());
+  };
+  const ShaftRanges ranges = CommandRanges(entry_.config);
+  const ScaleRatio& position_asked = scales_.position_asked;
+  if (position_asked.told()) {
+    Judged("positions asked for against reported ones");
+    evidence += fmt::format(", positions asked for are {:.3f} times those reported",
+                            position_asked.value());
+  } else {
+    NotTold("positions asked for against reported ones");
+  }
+  if (is_apart(position_asked)) {
+    family.terms.push_back(
+        RangeTerm("range.position_rad", ranges.position_rad, ModelTable::kNone, position_asked));
+  }
+  const ScaleRatio& velocity_asked = scales_.velocity_asked;
+  if (velocity_asked.told()) {
+    Judged("velocities asked for against reported ones");
+    evidence += fmt::format(", velocities asked for {:.3f} times", velocity_asked.value());
+  } else {
+    NotTold("velocities asked for against reported ones");
+  }
+  if (is_apart(velocity_asked)) {
+    family.terms.push_back(RangeTerm("range.velocity_rad_s", ranges.velocity_rad_s,
+                                     ModelTable::kVelocity,
+                                     {velocity_asked.log + velocity.log,
+                                      std::hypot(velocity_asked.error, velocity.error), false}));
+  }
 }
 
 /// Judges a way by hand that is not that of the limits, where velocities fit positions: other
 /// stops, another gear, or both ranges. The torque tells ranges from the others, if its own are
 /// right.
 /// @returns whether it is the ranges.
-bool ScaleJudge::JudgeOtherWay(double reference, const std::string& evidence,
-                               const Explanation& ranges, const std::vector<ScaleTerm>& terms) {
-  const auto is = [](const ScaleRatio& ratio, double log) {
-    return ratio.told() && !ratio.reversed &&
-           std::abs(ratio.log - log) <= kSameScale + 2 * ratio.error;
+bool ScaleJudge::JudgeOtherWay(const ScaleFamily& family, const std::string& evidence,
+                               const Explanation& ranges) {
+  const auto torque_is = [this](double log) {
+    return std::ranges::all_of(std::array{&scales_.stiffness, &scales_.damping},
+                               [log](const ScaleRatio* ratio) {
+                                 return ratio->told() && !ratio->reversed && !IsOff(*ratio, log);
+                               });
   };
-  if (is(scales_.stiffness, reference) && is(scales_.damping, reference)) {
-    Report(terms, {ranges}, evidence + ", and the way by hand and the torque fit neither", false);
+  if (torque_is(family.reference.value_or(0))) {
+    Report(family, {ranges}, evidence + ", and the way by hand and the torque fit neither");
     return true;
   }
-  if (is(scales_.stiffness, 0) && is(scales_.damping, 0)) {
+  if (torque_is(0)) {
     Judged(
         "the way by hand, which is another gear_ratio or other stops, since ranges of positions "
         "and velocities that are wrong would show in the torque");
     return false;
   }
   std::vector<std::string> parts;
-  for (const auto& [i, log] : ranges.wrong) parts.push_back(Describe(terms[i], log));
+  for (const auto& [i, log] : ranges.wrong) parts.push_back(Describe(family.terms[i], log));
   judgement_.findings.push_back(
       {"other-range", entry_.joint,
        fmt::format(
@@ -721,114 +760,111 @@ bool ScaleJudge::JudgeOtherWay(double reference, const std::string& evidence,
 
 // Torques and gains. Logarithms are relative to the scale of reported torques.
 void ScaleJudge::JudgeTorque() {
-  const auto* mit = std::get_if<MitConfig>(&entry_.config);
-  const auto* ak = std::get_if<AkV3Config>(&entry_.config);
-  const auto* cia402 = std::get_if<Cia402Config>(&entry_.config);
+  if (!TorqueTells()) return;
+  ScaleFamily family = ReportedTorque();
+  std::vector<std::string> evidence;
+  AddAskedTorque(family, evidence);
+  AddGain(kStiffness, scales_.stiffness, position_log_, family, evidence);
+  AddGain(kDamping, scales_.damping, velocity_log_, family, evidence);
+  if (evidence.empty()) return;
+  std::string against = "reported torque against ";
+  if (torque_asked_told()) against += "feed-forward, ";
+  Judged(against + "gains and error");
+  if (!family.reference) {
+    NotTold(
+        "whether torque and gains are all off by one and the same factor: only a known load "
+        "tells");
+  }
+  Report(family, Explain(family),
+         fmt::format("the torque that it reports is {}", fmt::join(evidence, ", ")));
+}
+
+/// Whether a torque is reported that the law explains.
+bool ScaleJudge::TorqueTells() {
+  const bool current_only = std::holds_alternative<AkV3Config>(entry_.config);
   if (!scales_.torque_reported) {
     NotTold(
-        ak != nullptr
+        current_only
             ? "the scales of torque and gains: torque_constant_nm_per_a is 0, so that its torque "
               "is not known"
             : "the scales of torque and gains: it reports no torque");
-    return;
+    return false;
   }
   if (scales_.explained < DriveScales::kExplainedMin) {
     NotTold(
         fmt::format("the scales of torque and gains: only {:.0f} % of the torque that it "
                     "reports is explained by kp, kd and feed-forward{}",
                     100 * std::max(scales_.explained, 0.0),
-                    ak != nullptr ? ", as where the current comes without its sign" : ""));
-    return;
+                    current_only ? ", as where the current comes without its sign" : ""));
+    return false;
   }
-  const auto relative = [](const ScaleRatio& of, double less) {
-    return ScaleRatio{of.log - less, of.error, false};
-  };
-  std::vector<ScaleTerm> terms;
-  std::vector<std::string> parts;
-  std::optional<double> reference;
-  if (known_.torque) reference = std::log(*known_.torque);
-  const bool asked = scales_.torque_asked.told() && !scales_.torque_asked.reversed;
-  const bool apart =
-      asked && std::abs(scales_.torque_asked.log) > kSameScale + 2 * scales_.torque_asked.error;
-  const ShaftRanges ranges = CommandRanges(entry_.config);
-  if (mit != nullptr) {
-    terms.push_back({apart ? "reply_range.torque_nm" : "range.torque_nm",
-                     double{mit->reply.torque_nm.max},
-                     true,
-                     false,
-                     false,
-                     ModelTable::kTorque,
-                     {0, 0, false}});
-  } else if (ak != nullptr) {
-    terms.push_back({"torque_constant_nm_per_a",
-                     double{ak->torque_constant_nm_per_a},
-                     false,
-                     true,
-                     false,
-                     ModelTable::kNone,
-                     {0, 0, false}});
-  } else if (cia402 != nullptr) {
-    terms.push_back({"rated_torque_nm",
-                     double{cia402->rated_torque_nm},
-                     false,
-                     true,
-                     false,
-                     ModelTable::kNone,
-                     {0, 0, false}});
+  return true;
+}
+
+/// What scales the torque that is reported, by the protocol.
+ScaleFamily ScaleJudge::ReportedTorque() {
+  ScaleFamily family;
+  if (known_.torque) family.reference = std::log(*known_.torque);
+  if (const auto* mit = std::get_if<MitConfig>(&entry_.config)) {
+    const bool apart = torque_asked_told() && IsOff(scales_.torque_asked);
+    family.terms = {RangeTerm(apart ? "reply_range.torque_nm" : "range.torque_nm",
+                              mit->reply.torque_nm, ModelTable::kTorque, kYardstick)};
+  } else if (const auto* ak = std::get_if<AkV3Config>(&entry_.config)) {
+    family.terms = {{"torque_constant_nm_per_a", double{ak->torque_constant_nm_per_a}, false, true,
+                     false, ModelTable::kNone, kYardstick}};
+  } else if (const auto* cia402 = std::get_if<Cia402Config>(&entry_.config)) {
+    family.terms = {{"rated_torque_nm", double{cia402->rated_torque_nm}, false, true, false,
+                     ModelTable::kNone, kYardstick}};
   } else {
     // The drive counts its gains and what it reports in the same newton metres.
-    reference = 0;
+    family.reference = 0;
     NotTold("the torque constant that the drive itself is set to: only a known load tells");
   }
-  if (asked) {
-    if (scales_.gains_carried)
-      parts.push_back(fmt::format("{:.3f} times its feed-forward", scales_.torque_asked.value()));
-    if (scales_.gains_carried && (apart || ak != nullptr)) {
-      terms.push_back({"range.torque_nm", double{ranges.torque_nm.max}, true, false, false,
-                       ModelTable::kTorque, scales_.torque_asked});
-    }
-  } else {
+  return family;
+}
+
+/// Adds the range of the torque that is asked for, where it is not that of the reports.
+void ScaleJudge::AddAskedTorque(ScaleFamily& family, std::vector<std::string>& evidence) {
+  if (!torque_asked_told()) {
     NotTold("the torque that it is asked for against the one that it reports");
+    return;
   }
-  const ImpedanceRanges* const gains = mit != nullptr  ? &mit->command
-                                       : ak != nullptr ? &ak->range
-                                                       : nullptr;
-  const auto add_gain = [&](const ScaleRatio& ratio, double less, const char* key, double range_max,
-                            float own, const char* law) {
-    if (!ratio.told()) {
-      NotTold(fmt::format("the scale of {}", key));
-      return;
-    }
-    if (ratio.reversed) {
-      Reversed(fmt::format("it reports torques against {}", law));
-      return;
-    }
-    parts.push_back(fmt::format("{:.3f} times {}", ratio.value(), law));
-    if (gains != nullptr) {
-      terms.push_back({std::string("range.") + key, range_max, true, true, false, ModelTable::kNone,
-                       relative(ratio, less)});
-    } else {
-      terms.push_back(
-          {key, double{own}, false, true, false, ModelTable::kNone, relative(ratio, less)});
-    }
-  };
-  add_gain(scales_.stiffness, position_log_, "kp_nm_per_rad",
-           gains != nullptr ? double{gains->kp_nm_per_rad.max} : 0, entry_.kp_nm_per_rad,
-           "kp (position - q)");
-  add_gain(scales_.damping, velocity_log_, "kd_nm_s_per_rad",
-           gains != nullptr ? double{gains->kd_nm_s_per_rad.max} : 0, entry_.kd_nm_s_per_rad,
-           "kd (velocity - qdot)");
-  if (parts.empty()) return;
-  std::string against = "reported torque against ";
-  if (asked) against += "feed-forward, ";
-  Judged(against + "gains and error");
-  if (!reference) {
-    NotTold(
-        "whether torque and gains are all off by one and the same factor: only a known load "
-        "tells");
+  if (!scales_.gains_carried) return;
+  const ScaleRatio& asked = scales_.torque_asked;
+  evidence.push_back(fmt::format("{:.3f} times its feed-forward", asked.value()));
+  if (IsOff(asked) || std::holds_alternative<AkV3Config>(entry_.config)) {
+    family.terms.push_back(RangeTerm("range.torque_nm", CommandRanges(entry_.config).torque_nm,
+                                     ModelTable::kTorque, asked));
   }
-  Report(terms, Explain(terms, reference),
-         fmt::format("the torque that it reports is {}", fmt::join(parts, ", ")), !reference);
+}
+
+/// Adds a gain.
+/// @param ratio      reported torque to the gain's term of the law.
+/// @param error_log  logarithm of the true scale of what the gain is multiplied by in that term.
+void ScaleJudge::AddGain(const LawGain& gain, const ScaleRatio& ratio, double error_log,
+                         ScaleFamily& family, std::vector<std::string>& evidence) {
+  if (!ratio.told()) {
+    NotTold(fmt::format("the scale of {}", gain.key));
+    return;
+  }
+  if (ratio.reversed) {
+    Reversed(fmt::format("it reports torques against {}", gain.term));
+    return;
+  }
+  evidence.push_back(fmt::format("{:.3f} times {}", ratio.value(), gain.term));
+  const auto* mit = std::get_if<MitConfig>(&entry_.config);
+  const auto* ak = std::get_if<AkV3Config>(&entry_.config);
+  const ImpedanceRanges* const ranges = mit != nullptr  ? &mit->command
+                                        : ak != nullptr ? &ak->range
+                                                        : nullptr;
+  const ScaleRatio relative{ratio.log - error_log, ratio.error, false};
+  if (ranges != nullptr) {
+    family.terms.push_back({std::string("range.") + gain.key, double{(ranges->*gain.range).max},
+                            true, true, false, ModelTable::kNone, relative});
+  } else {
+    family.terms.push_back(
+        {gain.key, double{entry_.*gain.of_drive}, false, true, false, ModelTable::kNone, relative});
+  }
 }
 
 /// Whether the steps of reported positions, tenths of degrees, are much of a small motion.

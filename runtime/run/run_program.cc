@@ -1,5 +1,4 @@
 #include "runtime/run/run_program.h"
-#include "runtime/bench/arming_checks.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -26,6 +25,7 @@
 #include "runtime/assembly/file_keeper.h"
 #include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_settings.h"
+#include "runtime/bench/arming_checks.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/doctor.h"
 #include "runtime/linux/interrupts.h"
@@ -220,9 +220,11 @@ TelemetryConfig TelemetryOf(const RunOptions& options, const RunDescription& des
   return config;
 }
 
-/// The configuration of the run for a flight record, without that of executor and procedure.
+/// The configuration of the run for a flight record.
+/// @param files  those that the run has read.
 RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
-                                      const RunDescription& description, const FileKeeper& files) {
+                                      const RunDescription& description, const FileKeeper& files,
+                                      const RepeatedSettings& settings, std::int64_t period_ns) {
   RecordConfiguration configuration;
   configuration.program = options.program + " " TUMBLER_VERSION;
   configuration.command_line = options.command_line;
@@ -236,6 +238,9 @@ RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
   configuration.motion_file = options.motion;
   configuration.drives_file = options.drives;
   configuration.files = files.files();
+  configuration.period_ns = period_ns;
+  configuration.executor = settings.executor;
+  configuration.procedure = settings.procedure;
   return configuration;
 }
 
@@ -282,7 +287,9 @@ RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
 }
 
 /// Adds the outcome of the run to the summary.
-void EndSummary(const Play& play, const Telemetry& telemetry, RunSummary& summary) {
+/// @param commands  nothing: the run took no requests by LCM.
+void EndSummary(const Play& play, const Telemetry& telemetry,
+                const std::optional<LcmCommands>& commands, RunSummary& summary) {
   summary.cycles = play.loop().record().cycles;
   summary.runs = play.procedure().runs();
   summary.outcome = play.procedure().outcome();
@@ -292,6 +299,10 @@ void EndSummary(const Play& play, const Telemetry& telemetry, RunSummary& summar
   summary.statistics = play.loop().statistics();
   summary.lost_records = telemetry.lost();
   summary.unpublished_messages = telemetry.unpublished();
+  if (commands) {
+    summary.unreadable_messages = commands->unreadable();
+    summary.refused_messages = commands->refused();
+  }
 }
 
 /// Text for people, and files, that take nothing for so long are given up where the operator has
@@ -403,10 +414,11 @@ class BenchOfWorld final : public BenchWorld {
 };
 
 /// Proves of the drives what the options ask for. Telemetry tells of it, so that others can end it.
-/// @throws Refused; BenchInterrupted.
-void CheckDrives(const RunOptions& options, const RunParts& parts, World& world,
+/// @returns whether the run goes on: false when somebody has ended the proofs. The torque is off.
+/// @throws Refused.
+bool CheckDrives(const RunOptions& options, const RunParts& parts, World& world,
                  Telemetry& telemetry, OperatorVoice& voice) {
-  if (!options.checks_drives()) return;
+  if (!options.checks_drives()) return true;
   telemetry.NoteChecking();
   telemetry.Start();
   BenchOfWorld bench(world);
@@ -416,10 +428,18 @@ void CheckDrives(const RunOptions& options, const RunParts& parts, World& world,
   checks.identity = options.check_identity;
   checks.watchdog = options.prove_watchdog;
   checks.clear = options.clear;
-  CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
-                    [&options, &voice](const std::string& line) {
-                      voice.Say(fmt::format("{}: {}", options.program, line));
-                    });
+  try {
+    CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
+                      [&options, &voice](const std::string& line) {
+                        voice.Say(fmt::format("{}: {}", options.program, line));
+                      });
+  } catch (const BenchInterrupted& end) {
+    telemetry.NoteCheckEnded(end.wish().id);
+    voice.Say(fmt::format("{}: {} while the drives were checked: torque off", options.program,
+                          end.wish().id == 0 ? "interrupted" : "stopped by a request"));
+    return false;
+  }
+  return true;
 }
 
 /// Takes requests by LCM, where the run has it.
@@ -505,9 +525,8 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   const SequenceGraph<float>& graph = parts.sequence->graph;
   const std::string pose_file = PoseFileOf(options);
   const RepeatedSettings settings = SettingsInForce(options, parts, source, pose_file);
-  const ExecutorConfig& executor_config = settings.executor;
   const RunProcedureConfig& procedure_config = settings.procedure;
-  if (assembly.Configure(executor_config) != Status::kOk) {
+  if (assembly.Configure(settings.executor) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
         "10000 s and run at 1 Hz ... 100 kHz",
@@ -531,28 +550,18 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   std::optional<LcmCommands> commands;
   Listen(options, graph, description.number, period_ns, voice, commands);
   if (!options.record.empty()) {
-    RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);
-    configuration.period_ns = period_ns;
-    configuration.executor = executor_config;
-    configuration.procedure = procedure_config;
-    recorder = OpenRecorder(options.record, configuration,
-                            [shared_voice, program = options.program](const std::string& text) {
-                              shared_voice->Say(program + ": " + text);
-                            });
+    recorder = OpenRecorder(
+        options.record, DescribeForRecord(options, *world, description, files, settings, period_ns),
+        [shared_voice, program = options.program](const std::string& text) {
+          shared_voice->Say(program + ": " + text);
+        });
   }
 
   NoteHoldWithoutEnd(options, procedure_config);
 
   world->Open();
   CatchInterrupts();
-  try {
-    CheckDrives(options, parts, *world, telemetry, voice);
-  } catch (const BenchInterrupted& end) {
-    telemetry.NoteCheckEnded(end.wish().id);
-    voice.Say(fmt::format("{}: {} while the drives were checked: torque off", options.program,
-                          end.wish().id == 0 ? "interrupted" : "stopped by a request"));
-    return std::nullopt;
-  }
+  if (!CheckDrives(options, parts, *world, telemetry, voice)) return std::nullopt;
   Play play(assembly, *world, {&telemetry, recorder.get()});
   RunSummary summary = BeginSummary(options, parts, description);
   std::optional<CpuAwake> awake;
@@ -575,11 +584,7 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   // What was found by a run that was refused is what it was refused for.
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives, voice);
 
-  EndSummary(play, telemetry, summary);
-  if (commands) {
-    summary.unreadable_messages = commands->unreadable();
-    summary.refused_messages = commands->refused();
-  }
+  EndSummary(play, telemetry, commands, summary);
   if (recorder != nullptr) StopRecorder(*recorder, summary);
   world->Summarize(summary);
   return summary;

@@ -127,9 +127,10 @@ struct LcmCommands::Implementation {
     wish.id = static_cast<std::uint32_t>(message.id);
     wish.request = static_cast<OperatorRequest>(message.command);
     if (const char* const why = Objection(message, wish.request)) {
-      if (refused++ == 0 && say)
+      if (refused++ == 0 && say) {
         say(fmt::format("warning: a request {}, and was refused; further ones are counted only",
                         why));
+      }
       return true;
     }
     // Whoever has not seen the answer yet sends the same again, and so may who has recorded it.

@@ -434,7 +434,8 @@ class Cia402Host : public ::testing::Test {
     Tick(DriveRequest::kDisable);  // The mode is asked for.
     EXPECT_EQ(host.state(), DriveState::kUnknown);
   }
-  void Run() {
+  /// Answers that the mode is the one of the set-up.
+  void ConfirmMode() {
     Reply(SdoReply::Kind::kRead, 0x6061, 0, 8);
     EXPECT_EQ(host.state(), DriveState::kDisabled);
   }
@@ -471,11 +472,12 @@ TEST_F(Cia402Host, AModeThatIsNotThatOfTheSetUpIsAskedForAgain) {
   const std::vector<CanFrame> frames = Tick(DriveRequest::kDisable);
   SdoRequest request;
   bool asked = false;
-  for (const CanFrame& frame : frames)
+  for (const CanFrame& frame : frames) {
     asked =
         asked || (DecodeSdoRequest(1, frame, request) == Status::kOk && request.index == 0x6061);
+  }
   EXPECT_TRUE(asked);
-  Run();
+  ConfirmMode();
   Reply(SdoReply::Kind::kAborted, 0x6061, 0, 1);  // Nobody has asked.
   EXPECT_EQ(host.state(), DriveState::kDisabled);
 }
@@ -527,7 +529,7 @@ TEST(Cia402SetUpOfAHost, AnswersToOtherRequestsAreLeftAloneAndARefusalWithoutACo
 }
 
 TEST_F(Cia402Host, FramesThatAreTooShortOrOfNoKnownKindChangeNothing) {
-  Run();
+  ConfirmMode();
   Report(Cia402State::kSwitchOnDisabled);
   const auto shortened = [this](CanFrame frame) {
     frame.size = 0;
@@ -545,7 +547,7 @@ TEST_F(Cia402Host, FramesThatAreTooShortOrOfNoKnownKindChangeNothing) {
 }
 
 TEST_F(Cia402Host, ANodeThatIsNoLongerOperationalIsSetUpAnew) {
-  Run();
+  ConfirmMode();
   EXPECT_FALSE(host.Decode(EncodeNodeState(1, NmtState::kOperational)));
   EXPECT_EQ(host.state(), DriveState::kDisabled);
   EXPECT_FALSE(host.Decode(EncodeNodeState(1, NmtState::kStopped)));
@@ -553,7 +555,7 @@ TEST_F(Cia402Host, ANodeThatIsNoLongerOperationalIsSetUpAnew) {
 }
 
 TEST_F(Cia402Host, AFaultReactionAndAFollowingErrorAreErrors) {
-  Run();
+  ConfirmMode();
   Enable();
   Report(Cia402State::kEnabled, kCia402FollowingError);
   EXPECT_EQ(host.feedback().error, kEmergencyFollowingError);
@@ -566,7 +568,7 @@ TEST_F(Cia402Host, AFaultReactionAndAFollowingErrorAreErrors) {
 }
 
 TEST_F(Cia402Host, BrakesByAQuickStopAndFollowsAgainOnceItIsEnabled) {
-  Run();
+  ConfirmMode();
   Enable();
   EXPECT_EQ(ControlwordOf(Tick(DriveRequest::kEnable, kBrake)), cia402_control::kQuickStop);
   EXPECT_EQ(host.state(), DriveState::kEnabled);
@@ -584,13 +586,13 @@ TEST_F(Cia402Host, BrakesByAQuickStopAndFollowsAgainOnceItIsEnabled) {
 }
 
 TEST_F(Cia402Host, ADriveThatIsEnabledWhileItShouldBrakeBrakesAtOnce) {
-  Run();
+  ConfirmMode();
   Enable(kBrake);
   EXPECT_EQ(ControlwordOf(Tick(DriveRequest::kEnable, kBrake)), cia402_control::kQuickStop);
 }
 
 TEST_F(Cia402Host, AnErrorWhileItIsBeingEnabledTakesTheTorqueAway) {
-  Run();
+  ConfirmMode();
   Report(Cia402State::kSwitchOnDisabled);
   Tick(DriveRequest::kEnable);
   host.Decode(EncodeEmergency(1, {0x7305, 0, {}}));
@@ -606,7 +608,7 @@ TEST_F(Cia402Host, AnErrorWhileItIsBeingEnabledTakesTheTorqueAway) {
 }
 
 TEST_F(Cia402Host, InAStateOutOfTheOrderOfEnablingTheTorqueIsOff) {
-  Run();
+  ConfirmMode();
   Report(Cia402State::kSwitchOnDisabled);
   Tick(DriveRequest::kEnable);
   Tick(DriveRequest::kEnable);
@@ -616,7 +618,7 @@ TEST_F(Cia402Host, InAStateOutOfTheOrderOfEnablingTheTorqueIsOff) {
 }
 
 TEST_F(Cia402Host, AFollowingDriveThatReportsNoMoreIsLostAndASetpointThatIsNoNumberEndsIt) {
-  Run();
+  ConfirmMode();
   Enable();
   for (int i = 0; i < 3 * config.heartbeat_ms + 10; ++i) Tick(DriveRequest::kEnable);
   EXPECT_EQ(host.state(), DriveState::kLost);
@@ -647,7 +649,7 @@ class Cia402BareHost : public Cia402Host {
 };
 
 TEST_F(Cia402BareHost, WithoutFeedForwardAndNotLeadingItSendsOneFrameATick) {
-  Run();
+  ConfirmMode();
   Enable();
   host.Decode(EncodeNodeState(1, NmtState::kOperational));
   const std::vector<CanFrame> frames = Tick(DriveRequest::kEnable, {0.5F, 1, 1, 10, 1});

@@ -1,7 +1,7 @@
 // What a drive's own words tell of the scales in its drives file: every wrong one is named, and
 // none that is right, whatever turns at its shaft.
 
-#include <gmock/gmock-matchers.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

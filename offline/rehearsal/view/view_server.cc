@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -85,8 +84,7 @@ class Connection final : public httplib::Stream {
   bool is_writable() const override { return Wait(POLLOUT); }
   ssize_t read(char* to, size_t size) override {
     if (request_.empty()) return -1;
-    const size_t count = std::min(size, request_.size());
-    std::copy_n(request_.data(), count, to);
+    const size_t count = request_.copy(to, size);
     request_.remove_prefix(count);
     return static_cast<ssize_t>(count);
   }
