@@ -325,11 +325,11 @@ class EndPatience {
 };
 
 /// Completes the flight record.
-void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
+void StopRecorder(FlightRecorder& recorder, bool stopped, RunSummary& summary) {
   recorder.Stop(summary.reason.empty()
                     ? ToString(summary.outcome)
                     : fmt::format("{}: {}", ToString(summary.outcome), summary.reason),
-                EndPatience(summary.outcome == RunOutcome::kStopped));
+                EndPatience(stopped));
   summary.recorded_ticks = recorder.recorded();
   summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
   summary.record_problem = recorder.problem();
@@ -580,12 +580,15 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
     if (source.each_tick) source.each_tick(loop);
   });
   notice.reset();
-  StopTelemetry(telemetry, play.procedure().outcome() == RunOutcome::kStopped, summary);
+  // Whatever a run ends with: who has asked for its end does not wait for a disk.
+  const bool stopped =
+      play.procedure().outcome() == RunOutcome::kStopped || play.procedure().quits();
+  StopTelemetry(telemetry, stopped, summary);
   // What was found by a run that was refused is what it was refused for.
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives, voice);
 
   EndSummary(play, telemetry, commands, summary);
-  if (recorder != nullptr) StopRecorder(*recorder, summary);
+  if (recorder != nullptr) StopRecorder(*recorder, stopped, summary);
   world->Summarize(summary);
   return summary;
 }

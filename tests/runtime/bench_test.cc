@@ -289,6 +289,12 @@ TEST_P(BenchOf, TheWatchdogsProofFindsWhenADriveLetsGo) {
   const double period_s = session.period_s();
   EXPECT_THAT(JudgeWatchdog("drive", watchdog, 0.025, period_s, {}), IsEmpty());
   EXPECT_EQ(JudgeWatchdog("drive", watchdog, 0.1, period_s, {}).at(0).kind, "watchdog-differs");
+  // An interval on both sides of the expected time proves nothing.
+  WatchdogResult vague;
+  vague.let_go = true;
+  vague.pushed_after_s = 0.012;
+  vague.limp_after_s = 0.3;
+  EXPECT_EQ(JudgeWatchdog("drive", vague, 0.2, period_s, {}).at(0).kind, "watchdog-unproved");
   // Only who writes the file knows whether it has it right.
   EXPECT_FALSE(JudgeWatchdog("drive", watchdog, 0.1, period_s, {}).at(0).mended);
   EXPECT_GT(world_.simulated[0]->watchdog_expiries(), 0);

@@ -260,6 +260,42 @@ TEST(ControlLoop, DropsFramesThatHaveWaitedThroughAPauseAndKnowsHowOldTheOthersA
   }
 }
 
+/// A clock of a program that is stopped within a tick, after the time was read.
+class StoppedInATickClock final : public Clock {
+ public:
+  explicit StoppedInATickClock(VirtualClock& clock) : clock_(clock) {}
+  [[nodiscard]] std::int64_t now_ns() const noexcept override {
+    if (countdown > 0 && --countdown == 0) stopped_ns += 500'000'000;
+    return clock_.now_ns() + stopped_ns;
+  }
+  void SleepUntil(std::int64_t time_ns) noexcept override {
+    clock_.SleepUntil(std::max(time_ns, now_ns()) - stopped_ns);
+  }
+  mutable int countdown = 0;  ///< Readings of the clock until it is stopped.
+  mutable std::int64_t stopped_ns = 0;
+
+ private:
+  VirtualClock& clock_;
+};
+
+TEST(ControlLoop, SendsNoSetpointOfBeforeAPauseThatComesWithinATick) {
+  LoopBench bench({});
+  StoppedInATickClock clock(bench.clock);
+  ControlLoop loop({bench.executor, bench.host, clock, *bench.procedure, bench.mailbox, nullptr},
+                   1'000'000, 0);
+  while (loop.record().state != ExecutorState::kHolding) ASSERT_TRUE(loop.Step());
+  const std::int64_t sent = loop.statistics().frames_sent;
+  clock.countdown = 3;  // when woken in SleepUntil; awake; before the frames are sent
+  ASSERT_TRUE(loop.Step());
+  ASSERT_EQ(clock.stopped_ns, 500'000'000);
+  EXPECT_EQ(loop.record().faults, 0U) << "this tick does not know yet";
+  EXPECT_EQ(loop.statistics().frames_sent, sent);
+  ASSERT_TRUE(loop.Step());
+  EXPECT_EQ(loop.record().first_fault.fault, Fault::kPaused);
+  EXPECT_EQ(loop.record().reaction, Reaction::kDisable);
+  EXPECT_GT(loop.statistics().frames_sent, sent) << "torque off";
+}
+
 TEST(ControlLoop, TakesAReadingOfTheClockThatIsOffByAFewTicksForNoSuspension) {
   LoopBench bench({});
   SuspendedClock clock(bench.clock);

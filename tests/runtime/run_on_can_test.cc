@@ -467,6 +467,7 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
     WriteMotion(12.8);  // Four programs start meanwhile.
     Reset();
     VirtualCan can;
+    Shell("ip link property add dev " + can.name() + " altname motors");
     can.Throttle(1'000'000);  // With a queue, the interface is taken down and up at the start.
     StartDrives(can.name());
     StartCandump(can.name());
@@ -484,6 +485,9 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
     const std::unique_ptr<Program> second = StartArmed(can.name());
     EXPECT_EQ(second->Wait(), 2) << second->text();
     EXPECT_THAT(second->text(), HasSubstr("(tumbler-run) drives the motors on " + can.name()));
+    const std::unique_ptr<Program> by_another_name = StartArmed("motors");
+    EXPECT_EQ(by_another_name->Wait(), 2) << by_another_name->text();
+    EXPECT_THAT(by_another_name->text(), HasSubstr("(tumbler-run) drives the motors on motors"));
     EXPECT_EQ(first->Wait(), 0) << first->text();
     EXPECT_THAT(first->text(), HasSubstr("completed"));
     ExpectKept(Judge());

@@ -423,6 +423,7 @@ TEST_F(TumblerCtl, SignsWithAKeyWhatMayBeginAMotion) {
     ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
     ExpectDone({"stop"});
     ExpectDone({"disarm", "--key", other});
+    ExpectDone({"stop", "--key", other + "_that_is_lost"});
     chmod(key.c_str(), 0644);
     const Outcome open_key = Ctl({"start", "--key", key});
     EXPECT_EQ(open_key.exit_code, 1);

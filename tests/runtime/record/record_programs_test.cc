@@ -149,6 +149,13 @@ TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
   const Outcome info = Run("tumbler-record " + record_);
   EXPECT_EQ(info.exit_code, 4);
   EXPECT_THAT(info.text, HasSubstr("damaged at byte "));
+  // A stop may have been in that tick.
+  const std::string play = "tumbler-replay " + record_ + " --bus can9 --drives " +
+                           testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  const Outcome armed = Run(play + " --arm --without-realtime");
+  EXPECT_EQ(armed.exit_code, 2) << armed.text;
+  EXPECT_THAT(armed.text, HasSubstr("ticks of it are missing"));
+  EXPECT_EQ(Run(play).exit_code, 4) << "a dry run says that it is not as it should be";
 }
 
 TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
