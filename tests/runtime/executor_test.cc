@@ -662,6 +662,22 @@ TEST(Executor, ASetpointThatADriveCannotBeSentIsAFault) {
   EXPECT_EQ(rig.output.record.first_fault.joint, 1);
 }
 
+TEST(Executor, ADriveFromWhichOnlyOldRepliesComeIsSilent) {
+  for (const int old_ticks : {0, 4}) {
+    ExecutorRig rig({}, Motion(13));
+    ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+    // From now on the clock goes, and what comes is as old as that.
+    for (int i = 0; i < 50; ++i) {
+      rig.input.time_ns += 1'000'000;
+      rig.stamp_ns = rig.input.time_ns - old_ticks * std::int64_t{1'000'000};
+      rig.Tick();
+    }
+    EXPECT_EQ(rig.output.record.first_fault.fault,
+              old_ticks == 0 ? Fault::kNone : Fault::kStaleReply);
+    EXPECT_EQ(rig.output.record.joints[0].reply_age_ticks, old_ticks == 0 ? 0 : old_ticks - 1);
+  }
+}
+
 TEST(Executor, AFaultOfOneJointInACollapseDoesNotStiffenTheOthers) {
   const Primitive<float> motion = Motion(13);
   ExecutorConfig config;

@@ -47,7 +47,8 @@ class ExecutorRig {
       const bool obeys =
           follow && drive.request == DriveRequest::kEnable && drive.setpoint.kp_nm_per_rad > 0;
       if (obeys) drive.reply.position_rad = drive.setpoint.position_rad;
-      for (int n = silent[i] ? 0 : replies[i]; n > 0; --n) received_.push_back({drive.Answer(), 0});
+      for (int n = silent[i] ? 0 : replies[i]; n > 0; --n)
+        received_.push_back({drive.Answer(), stamp_ns});
     }
     for (const CanFrame& frame : sensor_frames) received_.push_back({frame, 0});
     if (foreign_id != 0) {
@@ -106,6 +107,7 @@ class ExecutorRig {
   std::vector<std::unique_ptr<ScriptedDrive>> drives;
   std::array<bool, kMaxJoints> silent{};
   std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< Of each drive in each tick.
+  std::int64_t stamp_ns = 0;                                    ///< Of the replies.
   std::uint32_t foreign_id = 0;  ///< Of a frame of somebody else in each tick; 0: there is none.
   bool follow = true;
   ExecutorSensor sensor;                ///< Takes effect with Reconfigure.
