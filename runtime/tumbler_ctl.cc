@@ -385,22 +385,20 @@ ExitStatus Main(int argc, char** argv) {
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   const std::string name = line.given_subcommand();
+  auto request = OperatorRequest::kNone;
+  for (int command = command_t::START; command <= command_t::DISARM; ++command) {
+    const auto one = static_cast<OperatorRequest>(command);
+    if (name == ToString(one)) request = one;
+  }
   // Requests towards rest need no key, and a lost one must not keep them from the robot.
-  const bool rest = name == ToString(OperatorRequest::kFinish) ||
-                    name == ToString(OperatorRequest::kStop) ||
-                    name == ToString(OperatorRequest::kDisarm);
   std::optional<RequestKey> key;
-  if (!key_file.empty() && !rest) key.emplace(key_file);
+  if (!key_file.empty() && !IsTowardsRest(request)) key.emplace(key_file);
   Remote remote(url, robot, std::move(key));
   if (name == "status") return Status(remote, json);
   if (name == "watch") return Watch(remote);
-  for (int command = command_t::START; command <= command_t::DISARM; ++command) {
-    const auto request = static_cast<OperatorRequest>(command);
-    if (name != ToString(request)) continue;
-    return IsTowardsRest(request) ? RequestRest(remote, request)
-                                  : Request(remote, static_cast<std::int8_t>(command), branch);
-  }
-  throw std::logic_error("a subcommand without a request");
+  if (request == OperatorRequest::kNone) throw std::logic_error("a subcommand without a request");
+  return IsTowardsRest(request) ? RequestRest(remote, request)
+                                : Request(remote, static_cast<std::int8_t>(request), branch);
 }
 
 }  // namespace
