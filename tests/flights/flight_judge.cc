@@ -246,7 +246,7 @@ void FlightJudge::JudgeStates() {
     Fail(Invariant::kObeyed, "stop is not obeyed");
   }
   if (now_->refusal.refusal != Refusal::kNone && now != before &&
-      !(now == ExecutorState::kFault && new_faults)) {
+      !(now == ExecutorState::kFault && (new_faults || went_home_))) {
     Fail(Invariant::kObeyed, "a command is refused and changes the state");
   }
   stopping_ticks_ = now == ExecutorState::kStopping ? stopping_ticks_ + 1 : 0;
@@ -360,6 +360,19 @@ void FlightJudge::NeedFault(Fault fault, const char* why, Invariant invariant) {
   Fail(invariant, "{} is not found: {}", ToString(fault), why);
 }
 
+// Whether drives need not be enabled any more, because of this tick or the one before. A disarm
+// leaves nothing of the reaction of a fault that came in its tick.
+bool FlightJudge::LetsGo() const {
+  if (last_.reaction == Reaction::kDisable || now_->reaction == Reaction::kDisable) return true;
+  if (now_->state != ExecutorState::kDisarmed) return false;
+  for (std::uint32_t left = now_->faults & ~last_.faults; left != 0; left &= left - 1) {
+    const auto fault = static_cast<Fault>(std::countr_zero(left));
+    for (const ExecutorState state : {tick_.before, ExecutorState::kFault})
+      if (setting_.executor.reactions(fault, state) == Reaction::kDisable) return true;
+  }
+  return false;
+}
+
 void FlightJudge::JudgeDetection() {
   const TickInput& input = *tick_.input;
   if (elapsed_ > setting_.executor.pause_ticks_max) {
@@ -385,6 +398,7 @@ void FlightJudge::JudgeDetection() {
   }
   const bool follows = !IsLoose(tick_.before) && !lowered_before_ &&
                        (tick_.before != ExecutorState::kFault || KeepsGains(last_.reaction));
+  const bool lets_go = LetsGo();
   for (std::size_t i = 0; i < wires_.size(); ++i) {
     const JointRecord& joint = now_->joints[i];
     if (joint.drive_error != 0) NeedFault(Fault::kDriveError, "a drive has an error");
@@ -392,8 +406,7 @@ void FlightJudge::JudgeDetection() {
       NeedFault(Fault::kHeartbeatLost, "a drive's heartbeat has stopped");
     const bool stays =
         joint.drive_state == DriveState::kEnabled || joint.drive_state == DriveState::kLost;
-    if (was_enabled_[i] && !stays && last_.reaction != Reaction::kDisable &&
-        now_->reaction != Reaction::kDisable) {
+    if (was_enabled_[i] && !stays && !lets_go) {
       NeedFault(Fault::kDriveError, "a drive is not enabled any more");
     }
     if (joint.drive_state == DriveState::kEnabled) was_enabled_[i] = true;

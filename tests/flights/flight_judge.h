@@ -121,6 +121,7 @@ class FlightJudge {
   }
   void JudgeStates();
   void JudgeFaults();
+  [[nodiscard]] bool LetsGo() const;
   void JudgeDetection();
   void NeedFault(Fault fault, const char* why, Invariant invariant = Invariant::kDetected);
   [[nodiscard]] bool MayAbortBy(Fault fault, Reaction reaction) const;

@@ -247,7 +247,6 @@ class World {
         Fall(event.b, event.x);
         break;
       case FlightEventKind::kRepair:
-        moved_until_ = std::max(moved_until_, tick_ + 50);
         Repair();
         break;
     }
@@ -273,6 +272,7 @@ class World {
   }
 
   void Repair() {
+    moved_until_ = std::max(moved_until_, tick_ + 50);
     host_.Restart();
     link_.until = send_.until = controller_.until = 0;
     for (std::size_t i = 0; i < joint_count(); ++i) {

@@ -202,5 +202,67 @@ TEST(Flights, AreMadeAsShortAsTheMistakeThatTheyShow) {
   EXPECT_LT(shortest.ticks, 1000) << ToText(shortest);
 }
 
+// Flights of which the judge asked too much. Their seeds are of random flights.
+
+TEST(Flights, ADisarmInTheTickOfATorqueOffMayFindADriveLetGo) {  // bus-off, then the operator
+  const FlightOutcome outcome = PlayFlight(ParseFlight(
+      "flight seed=10557 ticks=199 without=sensor without=feedback without=aborts "
+      "without=reactions "
+      "without=collapse without=get-ups without=speed without=last-known without=spikes\n"
+      "186 bus-fault 5 0 16 0.0075346191638295595\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
+TEST(Flights, AJointThatIsCarriedWhileItsRepliesAreLateMayBeEnabledWhereItWas) {
+  const FlightOutcome outcome =
+      PlayFlight(ParseFlight("flight seed=7894 ticks=2485 without=sensor without=feedback "
+                             "without=reactions without=collapse "
+                             "without=get-ups without=speed without=last-known without=spikes\n"
+                             "2241 pause 5 0 6 0\n"
+                             "2481 bus-fault 3 0 1 1\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
+TEST(Flights, ACommandThatIsRefusedMayMeetAFaultThatWasLatchedBeforeGoingHome) {
+  const FlightOutcome outcome = PlayFlight(ParseFlight(
+      "flight seed=9468 ticks=5459 without=aborts without=reactions without=collapse "
+      "without=procedure without=get-ups without=speed without=last-known without=spikes\n"
+      "0 bus-fault 0 1 0 0\n"
+      "0 bus-fault 2 3 0 0\n"
+      "0 bus-fault 2 -1 0 0\n"
+      "0 lose-replies 5 0 0 0\n"
+      "0 bus-fault 5 1 0 0\n"
+      "0 bus-fault 0 0 0 0\n"
+      "0 bus-fault 2 2 0 0\n"
+      "0 bus-fault 0 1 0 0\n"
+      "0 bus-fault 4 1 0 0\n"
+      "0 bus-fault 4 0 0 0\n"
+      "0 bus-fault 5 2 0 0\n"
+      "0 bus-fault 4 0 0 0\n"
+      "0 bus-fault 8 2 0 0\n"
+      "373 sensor 3 0 16 0\n"
+      "1067 silence 5 0 3 0\n"
+      "1181 command 4 6 0 0\n"
+      "1350 stutter 0 0 0 0\n"
+      "1393 stranger 2 0 0 0.8107800138789627\n"
+      "1494 lose-replies 0 0 4 0\n"
+      "1725 pause 4 0 5 0\n"
+      "1796 silence 1 0 3 0\n"
+      "2029 heat 7 0 0 109.39817552150927\n"
+      "2102 link 4 0 1 0\n"
+      "2162 lose-replies 2 0 744 0\n"
+      "2162 bus-fault 6 3 1 0\n"
+      "2993 send 4 0 1 0\n"
+      "3102 stranger 3 1 0 0.50239716344299\n"
+      "3811 bus-fault 7 2 4 0\n"
+      "3873 lose-replies 1 0 4 0\n"
+      "4445 bus-fault 0 3 7 1\n"
+      "4658 drive-error 3 0 0 0\n"
+      "4725 stranger 4 1 0 0\n"
+      "4964 pause 3 0 3 0\n"
+      "5429 bus-fault 1 2 37 0.559382889295961\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
 }  // namespace
 }  // namespace tumbler
