@@ -36,4 +36,28 @@ std::string PurposeTarget::AskedAndGot(double result) const {
                      tolerance);
 }
 
+std::string JudgedTarget::name() const {
+  return after_s ? target.NameAfter(*after_s) : target.name();
+}
+
+std::optional<bool> JudgedTarget::met() const {
+  if (!result) return std::nullopt;
+  return target.MetBy(*result);
+}
+
+std::string JudgedTarget::Verdict() const {
+  if (!result) return "not judged, " + (obstacle.empty() ? "the run ended before" : obstacle);
+  return target.AskedAndGot(*result) + (*met() ? "" : ": MISSED");
+}
+
+std::optional<bool> AllMet(const std::vector<JudgedTarget>& purpose) {
+  bool all = !purpose.empty();
+  for (const JudgedTarget& judged : purpose) {
+    const std::optional<bool> met = judged.met();
+    if (met == false) return false;
+    if (!met) all = false;
+  }
+  return all ? std::optional(true) : std::nullopt;
+}
+
 }  // namespace tumbler

@@ -68,7 +68,7 @@ class SimulatedWorld final : public World {
       : robot_(motion, drives, RobotOf(motion, config)),
         fixed_(motion.scene().robot.root_dofs == 0),
         hinged_(motion.scene().robot.hinged()),
-        judge_(file, !fixed_, hinged_),
+        judge_(file, motion.scene().robot),
         host_(robot_.bus().Attach()),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
