@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "common/json.h"
+
 namespace tumbler {
 
 std::string PurposeTarget::NameAfter(double later_s) const {
@@ -48,6 +50,14 @@ std::optional<bool> JudgedTarget::met() const {
 std::string JudgedTarget::Verdict() const {
   if (!result) return "not judged, " + (obstacle.empty() ? "the run ended before" : obstacle);
   return target.AskedAndGot(*result) + (*met() ? "" : ": MISSED");
+}
+
+Json ToJson(const JudgedTarget& judged) {
+  const auto maybe = [](const auto& value) { return value ? Json(*value) : Json(); };
+  return {{"of", judged.target.name()},       {"unit", judged.target.unit()},
+          {"target", judged.target.target},   {"result", maybe(judged.result)},
+          {"after_s", maybe(judged.after_s)}, {"tolerance", judged.target.tolerance},
+          {"met", maybe(judged.met())}};
 }
 
 std::optional<bool> AllMet(const std::vector<JudgedTarget>& purpose) {

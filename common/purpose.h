@@ -10,6 +10,8 @@
 
 namespace tumbler {
 
+class Json;
+
 /// What a motion is for: a value that its task's cost asks for at one instant, of the robot's root
 /// or of a point of a link.
 struct PurposeTarget {
@@ -87,6 +89,9 @@ struct JudgedTarget {
 /// Whether every target was met. Absent where one that nobody judged may have been missed, and
 /// where there is none.
 [[nodiscard]] std::optional<bool> AllMet(const std::vector<JudgedTarget>& purpose);
+
+/// For files: `of` (its name), `unit`, `target`, `result`, `after_s`, `tolerance`, `met`.
+[[nodiscard]] Json ToJson(const JudgedTarget& judged);
 
 /// No coordinate of the root of a robot at rest moves faster than this [m/s, rad/s], in the last
 /// kRestWatched_s: so long that the answer does not depend on the phase in which it rocks.

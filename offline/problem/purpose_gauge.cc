@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "common/index.h"
 #include "common/primitive_toml.h"
@@ -10,7 +11,12 @@ namespace tumbler {
 
 PurposeGauge::PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot)
     : of_(target.of), root_dofs_(Index(robot.root_dofs)) {
-  if (target.of_point()) point_ = PointOfLink(robot, target.link, target.point_m);
+  if (!target.of_point()) return;
+  try {
+    point_ = PointOfLink(robot, target.link, target.point_m);
+  } catch (const std::invalid_argument& error) {
+    obstacle_ = "its link " + std::string(error.what());
+  }
 }
 
 double PurposeGauge::At(std::span<const double> q, std::span<const double> qd) const {

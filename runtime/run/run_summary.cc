@@ -206,13 +206,7 @@ Json Maybe(const std::optional<T>& value) {
 Json JsonOf(const Passage& passage) {
   auto purpose = Json::Array();
   for (const JudgedTarget& judged : passage.purpose) {
-    purpose.Append({{"of", judged.target.name()},
-                    {"unit", judged.target.unit()},
-                    {"target", judged.target.target},
-                    {"result", Maybe(judged.result)},
-                    {"after_s", Maybe(judged.after_s)},
-                    {"tolerance", judged.target.tolerance},
-                    {"met", Maybe(judged.met())}});
+    purpose.Append(ToJson(judged));
   }
   Json json = {{"node", passage.node},
                {"purpose", purpose},

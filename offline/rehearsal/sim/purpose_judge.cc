@@ -1,12 +1,8 @@
 #include "offline/rehearsal/sim/purpose_judge.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -24,17 +20,8 @@ PurposeJudge::PurposeJudge(const SequenceFile& file, const PlanarRobot& robot)
   for (std::size_t j = 0; j < robot.joint_count(); ++j) joint_dofs_.push_back(robot.DofOfJoint(j));
   for (const PassiveJoint& joint : robot.passive) passive_dofs_.push_back(Index(joint.dof));
   for (const PrimitiveFile& primitive : file.primitives) {
-    auto& gauges = gauges_.emplace_back();
-    std::vector<std::string>& obstacles = obstacles_.emplace_back();
-    for (const PurposeFigure& figure : primitive.purpose) {
-      std::optional<PurposeGauge>& gauge = gauges.emplace_back();
-      std::string& obstacle = obstacles.emplace_back();
-      try {
-        gauge.emplace(figure, robot);
-      } catch (const std::invalid_argument& error) {
-        obstacle = fmt::format("'{}' {}", figure.link, error.what());
-      }
-    }
+    std::vector<PurposeGauge>& gauges = gauges_.emplace_back();
+    for (const PurposeFigure& figure : primitive.purpose) gauges.emplace_back(figure, robot);
   }
   expected_pitch_rad_ =
       file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
@@ -79,7 +66,7 @@ void PurposeJudge::BeginMotion(int node, bool after_another, const TwinState& tr
   const auto of = Index(file_.graph.node(node).primitive);
   under_way_.clear();
   for (std::size_t i = 0; i < primitive.purpose.size(); ++i)
-    under_way_.push_back({primitive.purpose[i], {}, {}, obstacles_[of][i]});
+    under_way_.push_back({primitive.purpose[i], {}, {}, gauges_[of][i].obstacle()});
 }
 
 /// Judges what is asked for before the motion ends, at its time in the motion.
@@ -188,7 +175,7 @@ double PurposeJudge::ResultOf(std::size_t target, int node, const TwinState& tru
     q_[passive_dofs_[i]] = truth.passive_positions_rad[i];
     qd_[passive_dofs_[i]] = truth.passive_velocities_rad_s[i];
   }
-  return gauges_[Index(file_.graph.node(node).primitive)][target]->At(q_, qd_);
+  return gauges_[Index(file_.graph.node(node).primitive)][target].At(q_, qd_);
 }
 
 }  // namespace tumbler

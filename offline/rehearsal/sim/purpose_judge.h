@@ -3,7 +3,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -61,9 +60,7 @@ class PurposeJudge {
   bool free_root_, hinged_;
   std::size_t root_dofs_;
   std::vector<std::size_t> joint_dofs_, passive_dofs_;
-  /// Of each primitive's targets; none of one that the robot cannot show, and why.
-  std::vector<std::vector<std::optional<PurposeGauge>>> gauges_;
-  std::vector<std::vector<std::string>> obstacles_;
+  std::vector<std::vector<PurposeGauge>> gauges_;  // of each primitive's targets
   std::vector<double> q_, qd_;  // room for a state in the coordinates of a task
   ExecutorState last_ = ExecutorState::kDisarmed;
   bool rolls_ = false;  // whether the motion was being rolled out
