@@ -5,6 +5,7 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
@@ -14,8 +15,13 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_toml.h"
 #include "offline/chain/chain.h"
+#include "offline/rehearsal/flight_report/robot_paths.h"
+#include "offline/rehearsal/flight_report/run_data.h"
+#include "offline/rehearsal/flight_report/truth.h"
 #include "offline/rehearsal/robustness/lane_trials.h"
 #include "offline/rehearsal/robustness/study.h"
+#include "offline/rehearsal/twin/posture.h"
+#include "offline/rehearsal/view/viewed_robot.h"
 #include "tests/support/bad_inputs.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -141,6 +147,113 @@ TEST(Whip, AChainJudgesThePurposeOfEachMotion) {
     EXPECT_EQ(missed.failure->cause, ChainFailure::Cause::kPurpose);
     EXPECT_THAT(missed.failure->text, AllOf(HasSubstr("point_x of lower"), HasSubstr(": MISSED")));
   }
+}
+
+/// A run of the whip on a fixed root, with its record.
+struct Recorded {
+  Recorded() {
+    const testing::Outcome run = RunProgram({"tumbler-run", "sim", Whip("fixed"), "--record",
+                                             folder / "run.rec", "--json", folder / "run.json"});
+    EXPECT_EQ(run.exit_code, 0) << run.text;
+  }
+  testing::TemporaryFolder folder;
+};
+const Recorded& Run() {
+  static const Recorded run;
+  return run;
+}
+
+TEST(WhipsTruth, TheTipIsDrawnWhereItWasJudged) {
+  const Json json = Json::Parse(testing::ReadFile(Run().folder / "run.json")).value();
+  const double judged_m = json["passages"][0]["purpose"][0]["result"].number();
+  const RunData run = ReadRun(Run().folder / "run.rec", "");
+  ASSERT_EQ(run.passive_names, std::vector<std::string>{"pin"});
+  ASSERT_EQ(run.scene.links.size(), 2U);
+  EXPECT_EQ(run.scene.links[1].name, "lower");
+  const auto at = std::ranges::find_if(
+      run.truth, [](const ReportSample& sample) { return sample.time_s > 0.9 - 1e-6; });
+  ASSERT_NE(at, run.truth.end());
+  const auto tip_m = [](const ReportSample& sample) {
+    const auto& [x, z, pitch] = sample.link_poses[1];
+    return x + 0.2 * std::sin(pitch);
+  };
+  // There is a truth every 5 ms, in which the tip moves by some millimetres.
+  EXPECT_NEAR(tip_m(*at), judged_m, 0.01);
+  EXPECT_NEAR(at->link_poses[0][2], at->passive_positions_rad.at(0), 1e-9);
+  double most_rad = 0;
+  for (const ReportSample& sample : run.truth)
+    most_rad = std::max(most_rad, std::abs(sample.passive_positions_rad.at(0)));
+  EXPECT_GT(most_rad, 0.2) << "it swings";
+}
+
+TEST(WhipsTruth, ATableOfItHasTheJointWithoutAMotor) {
+  const std::string csv = Run().folder / "truth.csv";
+  EXPECT_EQ(RunProgram({"tumbler-record", Run().folder / "run.rec", "--truth-csv", csv}).exit_code,
+            0);
+  const std::string text = testing::ReadFile(csv);
+  EXPECT_THAT(text.substr(0, text.find('\n')),
+              HasSubstr("elbow_torque_nm,pin_position_rad,pin_velocity_rad_s,pin_torque_nm"));
+}
+
+TEST(WhipsTruth, ATruthWithoutTheJointIsOfARobotThatHangsAsAtTheStart) {
+  truth_t truth{};
+  truth.joints.resize(1);
+  truth.joints[0].name = "elbow";
+  EXPECT_TRUE(PassiveOf(truth, {"pin"}).empty());
+  RobotPaths paths(LoadMotion(Whip("fixed")));
+  const std::vector<double> elbow = {0.0};
+  EXPECT_EQ(paths.Pose({}, elbow, PassiveOf(truth, {"pin"})).link_poses[0][2], 0);
+  truth.joints.push_back(truth.joints[0]);
+  truth.joints[1].name = "pin";
+  truth.joints[1].position_rad = 1.25;
+  EXPECT_EQ(paths.Pose({}, elbow, PassiveOf(truth, {"pin"})).link_poses[0][2], 1.25);
+}
+
+TEST(WhipsTruth, AViewOfTheRunDrawsItsRodsAsTheyAre) {
+  ViewedRobot robot(LoadMotion(Whip("fixed")));
+  state_t state{};
+  state.joints.resize(1);
+  state.joint_count = 1;
+  state.primitive_time_s = 0.9F;
+  state.state = static_cast<std::int8_t>(ExecutorState::kRunning);
+  robot.Take(state);
+  const double planned = robot.Poses()[0][2].number();
+  EXPECT_GT(std::abs(planned), 0.1) << "as the plan has it";
+  truth_t truth{};
+  truth.joints.resize(2);
+  truth.joints[0].name = "elbow";
+  truth.joints[1].name = "pin";
+  truth.joints[1].position_rad = 3;
+  truth.joint_count = 2;
+  robot.Take(truth);
+  EXPECT_EQ(robot.Poses()[0][2].number(), 3);
+  EXPECT_EQ(robot.Poses()[1][1].number(), std::round(1e4 * -0.2 * std::cos(3.0)) / 1e4);
+}
+
+TEST(WhipsTruth, ARobotThatSwingsDoesNotRest) {
+  // Without torque its elbow comes to rest long before its pin does.
+  const SimulatedMotion motion(LoadMotion(Whip("fixed")));
+  PostureWatch watch(motion.file(), {}, StartOf(motion.file()));
+  TwinState state;
+  state.joint_positions_rad = state.joint_velocities_rad_s = {0};
+  state.passive_positions_rad = {0};
+  state.passive_velocities_rad_s = {0.5};
+  const auto look = [&](int ms) {
+    for (int i = 0; i < ms; ++i) {
+      state.time_ns += 1'000'000;
+      watch.Observe(state, {}, {true, false});
+    }
+  };
+  look(500);
+  EXPECT_EQ(watch.resting_as(), "");
+  EXPECT_TRUE(watch.events().empty());
+  state.passive_velocities_rad_s = {0};
+  look(500);
+  EXPECT_EQ(watch.resting_as(), "as before whip");
+  state.passive_positions_rad = {3};
+  look(500);
+  EXPECT_EQ(watch.resting_as(), "") << "it stands on its head";
+  EXPECT_EQ(watch.falls(), 0) << "which is no fall";
 }
 
 }  // namespace

@@ -105,8 +105,10 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
   };
   for (std::size_t j = 0; j < scene.robot.joint_count(); ++j)
     slides.joints.push_back(does_slide(scene.robot.DofOfJoint(j)));
-  for (const PassiveJoint& joint : scene.robot.passive)
+  for (const PassiveJoint& joint : scene.robot.passive) {
     slides.passive.push_back(does_slide(Index(joint.dof)));
+    passive_joints_.push_back(scene.robot.tree.dofs[Index(joint.dof)].name);
+  }
   posture_ = std::make_unique<PostureWatch>(motion, config.posture, start, std::move(slides));
 }
 
