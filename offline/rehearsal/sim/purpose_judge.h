@@ -61,7 +61,7 @@ class PurposeJudge {
   std::size_t root_dofs_;
   std::vector<std::size_t> joint_dofs_, passive_dofs_;
   std::vector<std::vector<PurposeGauge>> gauges_;  // of each primitive's targets
-  std::vector<double> q_, qd_;  // room for a state in the coordinates of a task
+  std::vector<double> q_, qd_;                     // room for a state in the coordinates of a task
   ExecutorState last_ = ExecutorState::kDisarmed;
   bool rolls_ = false;  // whether the motion was being rolled out
   int moving_ = -1;
