@@ -67,6 +67,8 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
   for (const PurposeFigure& figure : look.purpose) {
     fmt::print(people, "    {}: {}\n", figure.name(), figure.AskedAndGot(figure.result));
   }
+  if (look.purpose.empty())
+    fmt::print(people, "    the task asks for nothing that a run could meet or miss\n");
   if (look.drives) {
     fmt::print(
         people,

@@ -68,7 +68,7 @@ class SimulatedWorld final : public World {
       : robot_(motion, drives, RobotOf(motion, config)),
         fixed_(motion.scene().robot.root_dofs == 0),
         hinged_(motion.scene().robot.hinged()),
-        judge_(file, !fixed_, hinged_),
+        judge_(file, motion.scene().robot),
         host_(robot_.bus().Attach()),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
@@ -98,8 +98,10 @@ class SimulatedWorld final : public World {
       if (i < kSteps - 1000) continue;
       const TwinState state = robot_.state();
       swing_rad_s = std::max(swing_rad_s, std::abs(state.root_pitch_rate_rad_s));
-      for (const double rate : state.joint_velocities_rad_s)
-        joints_rad_s = std::max(joints_rad_s, std::abs(rate));
+      for (const std::vector<double>* rates :
+           {&state.joint_velocities_rad_s, &state.passive_velocities_rad_s}) {
+        for (const double rate : *rates) joints_rad_s = std::max(joints_rad_s, std::abs(rate));
+      }
     }
     const PostureWatch& posture = robot_.posture();
     if (robot_.state().held) return "stays, held as at the start";

@@ -341,8 +341,10 @@ TwinState Twin::state() const {
     state.joint_velocities_rad_s.push_back(m.qd(dof));
     state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
-  for (const PassiveJoint& joint : m.scene.robot.passive)
+  for (const PassiveJoint& joint : m.scene.robot.passive) {
     state.passive_positions_rad.push_back(m.q(Index(joint.dof)));
+    state.passive_velocities_rad_s.push_back(m.qd(Index(joint.dof)));
+  }
   state.peak_penetration_m = m.peak_penetration;
   state.impact_m_s = m.impact;
   if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];

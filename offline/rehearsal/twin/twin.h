@@ -94,9 +94,10 @@ struct TwinState {
   double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
   std::vector<double> joint_positions_rad;
   std::vector<double> joint_velocities_rad_s;
-  std::vector<double> passive_positions_rad;  ///< Of the joints without a motor.
-  std::vector<double> joint_torques_nm;       ///< The torques that the drives exert.
-  double peak_penetration_m = 0;              ///< Since the start.
+  std::vector<double> passive_positions_rad;     ///< Of the joints without a motor [rad, m].
+  std::vector<double> passive_velocities_rad_s;  ///< Likewise.
+  std::vector<double> joint_torques_nm;          ///< The torques that the drives exert.
+  double peak_penetration_m = 0;                 ///< Since the start.
   /// The hardest impact since the start or the last `ForgetImpacts`: the largest speed with which a
   /// point in contact moves into what it touches, and its link; empty: nothing was touched.
   double impact_m_s = 0;
