@@ -233,6 +233,7 @@ constexpr std::array<FileKey<S>, kCount> AllRequired(std::array<FileKey<S>, kCou
 template <class S, std::size_t kCount>
 void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
               std::type_identity_t<S>& settings) {
+  for (const FileKey<S>& key : keys) table.Expect(key.text.name);
   for (const FileKey<S>& key : keys) {
     if (key.applies != nullptr && !key.applies(settings)) continue;
     if (key.prepare != nullptr) key.prepare(settings);

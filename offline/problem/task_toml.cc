@@ -398,8 +398,12 @@ class TaskReader {
 
   void ReadObstacles() {
     // What flies says so; what hangs from a bar need not.
-    std::vector<TomlTable> tables =
-        scene_.robot.hinged() ? root_.OptionalTables("obstacle") : root_.Tables("obstacle");
+    constexpr const char* kWhatToWrite =
+        "say what the robot can touch: for level ground [[obstacle]], and below it name = "
+        "\"ground\", point_m = [0, 0] and normal = [0, 1]; for nothing at all obstacle = [], above "
+        "the file's first [table]";
+    std::vector<TomlTable> tables = scene_.robot.hinged() ? root_.OptionalTables("obstacle")
+                                                          : root_.Tables("obstacle", kWhatToWrite);
     for (TomlTable& table : tables) {
       const Obstacle<Plane> obstacle = ReadObstacle(table);
       for (const Obstacle<Plane>& other : scene_.obstacles) {
