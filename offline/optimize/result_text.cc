@@ -10,6 +10,7 @@
 
 #include "offline/certificate/certificate_text.h"
 #include "offline/model/urdf_source.h"
+#include "offline/optimize/default_drives_note.h"
 
 namespace tumbler {
 namespace {
@@ -127,6 +128,8 @@ void PrintNotes(const Task& task) {
     fmt::print(stderr, "{}: note: no collision shape, so passes through the ground: {}\n",
                task.robot_file, through);
   }
+  if (const std::string beyond = BeyondDefaultDrives(task.problem); !beyond.empty())
+    fmt::print(stderr, "{}: note: {}\n", task.task_file, beyond);
   PrintContact(task.problem, task.task_file);
 }
 
