@@ -54,6 +54,11 @@ inline constexpr ImpedanceRanges kMitRanges = {
     {0.0F, kDefaultDrives.kd_nm_s_per_rad},
     {-kDefaultDrives.torque_nm, kDefaultDrives.torque_nm}};
 
+/// The rate at which bgkatz firmware computes its torque: in every interrupt of its PWM timer, of
+/// 25 us (DT in Core/Inc/hw_config.h, run_fsm in Core/Src/fsm.c of github.com/bgkatz/motorcontrol).
+/// Neither T-Motor nor Damiao state theirs.
+inline constexpr double kMitFirmwareLoop_hz = 40'000;
+
 /// Whose firmware it is, where firmwares differ in what they reply.
 enum class MitDialect : std::uint8_t {
   kMiniCheetah,  ///< bgkatz, T-Motor AK and clones: replies as in (2).

@@ -184,6 +184,9 @@ void MakeFile(TaskResult& result, Looks& looks) {
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
   // The certificate computes independently of the solver, and decides.
   if (file.certificate.constraint_violation <= kNoViolation) {
+    const std::vector<double> kd(result.problem().joints.size(),
+                                 result.problem().drive_gains().kd_nm_s_per_rad);
+    result.damping = DampingOf(result.problem(), file.primitive, kd);
     result.file = std::move(file);
     return;
   }

@@ -80,6 +80,22 @@ ExitStatus TestLatency(const RunOptions& options) {
   return ExitStatus::kDone;
 }
 
+/// Tells how slow the drives' own loops may be for their damping.
+void TellDamping(const RunOptions& options, const Simulation& simulation, const RunParts& parts) {
+  SimulatedWorldConfig config;
+  config.twin_file = options.twin;
+  try {
+    for (const std::string& note : simulation.damping_notes(
+             parts.file, parts.drives, options.simulated() ? &config : nullptr))
+      fmt::print(stderr, "{}\n", note);
+  } catch (const FileError& error) {
+    // The texts of the robot, which only a simulation cannot do without.
+    if (options.simulated()) throw;
+    fmt::print(stderr, "note: whether the drives' damping is stable is not known: {}\n",
+               error.what());
+  }
+}
+
 /// Loads motion and drives, and checks whether they fit each other and the options.
 /// @param options  gets the drives file that a twin file names.
 RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read,
@@ -108,6 +124,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
     fmt::print(stderr, "{}: note: {}\n", options.drives, text);
   });
   CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
+  if (simulation != nullptr) TellDamping(options, *simulation, parts);
   CheckWatchdogs(parts.drives, !options.drives_motors() || options.without_watchdog);
   return parts;
 }
