@@ -67,11 +67,22 @@ TEST(OptimizeCli, TellsBeforeTheSearchAllThatTheDrivesOfASimulationDoNotCarry) {
   EXPECT_THAT(program.text(), HasSubstr("play the motion with a drives file (--drives)"));
 }
 
-TEST(OptimizeCli, SaysNothingOfDrivesThatCarryTheTask) {
+TEST(OptimizeCli, SaysNothingOfDrivesThatCarryTheTaskButHowSlowTheirLoopsMayBe) {
   const TaskFolder folder(QuickTask());
   Program program = Optimize(folder, {});
   EXPECT_EQ(program.Wait(), 0);
   EXPECT_THAT(program.text(), Not(HasSubstr("drives of a simulation")));
+  EXPECT_THAT(program.text(),
+              HasSubstr("damping: kd of 4 N m s/rad is stable in drives whose loop takes less "));
+  EXPECT_THAT(program.text(), Not(HasSubstr("advised are loops of the drives")));
+}
+
+TEST(OptimizeCli, WarnsOfDampingThatASimulationIsTooSlowFor) {
+  // Legs without rotors of so much damping need loops far above 20 kHz.
+  const TaskFolder folder(QuickTask() + "\n[drives]\nkp_nm_per_rad = 200\nkd_nm_s_per_rad = 100\n");
+  Program program = Optimize(folder, {});
+  program.Wait();
+  EXPECT_THAT(program.text(), HasSubstr("warning: advised are loops of the drives of 0.0"));
 }
 
 TEST(OptimizeCli, AdvisesStifferDrivesWhereOnlyDrivesThatGiveWayLetTheRobotFall) {
