@@ -479,6 +479,7 @@ void BenchRun::Check() {
     KnownScales known;
     known.position = WayScale(joint, turned, options_.config.tolerances);
     judgement_.Add(JudgeScales(name, session_->entry(i), scales, known));
+    TellDampingOf(i);
   }
 }
 
