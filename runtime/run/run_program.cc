@@ -89,8 +89,8 @@ void TellDamping(const RunOptions& options, const Simulation& simulation, const 
              parts.file, parts.drives, options.simulated() ? &config : nullptr))
       fmt::print(stderr, "{}\n", note);
   } catch (const FileError& error) {
-    // The texts of the robot, which only a simulation cannot do without.
-    if (options.simulated()) throw;
+    // A simulation cannot do without the robot's texts, and refuses them itself.
+    if (options.simulated()) return;
     fmt::print(stderr, "note: whether the drives' damping is stable is not known: {}\n",
                error.what());
   }
@@ -124,8 +124,8 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
     fmt::print(stderr, "{}: note: {}\n", options.drives, text);
   });
   CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
-  if (simulation != nullptr) TellDamping(options, *simulation, parts);
   CheckWatchdogs(parts.drives, !options.drives_motors() || options.without_watchdog);
+  if (simulation != nullptr) TellDamping(options, *simulation, parts);
   return parts;
 }
 
