@@ -106,6 +106,8 @@ void ReadPartners(TomlTable& table, std::string_view key, SequenceFile& file) {
 constexpr std::array kSwapKeys = {
     KeyReadBy<SequenceFile>("joints", ReadPartners,
                             "e.g. `[[\"leg1\", \"leg2\"]]`; joints not named keep their role")
+        .Schema(
+            R"({"type": "array", "items": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}})")
         .Required()
         .Allowed("pairs of joints, each joint once"),
     KeyOf<&SequenceFile::swap_root_pitch_rad>("root_pitch_rad", {-2 * kPi, 2 * kPi},
@@ -158,6 +160,7 @@ constexpr std::array kStartKeys = {
           file.graph.start = NodeOf(table, key, file);
         },
         "the first one")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("a node"),
 };
@@ -182,6 +185,7 @@ constexpr std::array kBeginKeys = {
     KeyReadBy<SequenceFile>("nodes", ReadBeginnings,
                             "with which a run may begin besides `start`: the robot lies as at "
                             "their start")
+        .Schema(R"({"type": "array", "items": {"type": "string"}})")
         .Required()
         .Allowed("nodes whose joints begin where those of `start` do"),
     KeyOf<&SequenceFile::begin_link>("link", "the root link, which has the sensor if there is one")
@@ -208,6 +212,7 @@ constexpr std::array kEdgeKeys = {
           edge.from = NodeOf(table, key, *edge.file);
         },
         "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("a node"),
     KeyReadBy<EdgeEntry>(
@@ -216,6 +221,7 @@ constexpr std::array kEdgeKeys = {
           edge.to = NodeOf(table, key, *edge.file);
         },
         "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("a node"),
     KeyOf<&EdgeEntry::settle_s, EdgeEntry>("settle_s", {0, kMaxSettle},

@@ -66,6 +66,7 @@ void ReadName(TomlTable& table, std::string_view key, Problem& problem) {
 
 constexpr std::array kNameKeys = {
     KeyReadBy<Problem>("name", ReadName, "name of the primitive")
+        .Schema(R"({"type": "string", "minLength": 1, "maxLength": 48})")
         .Required()
         .Allowed("1 to 48 bytes"),
 };
@@ -95,6 +96,8 @@ constexpr std::array kSplineKeys = {
         "control_points", ReadControlPoints,
         "for each joint with a motor; the first and last three are given by the ends. Or a table "
         "with all of them: `{ leg1 = 11, leg2 = 12 }`")
+        .Schema(
+            R"({"type": ["integer", "object"], "minimum": 7, "maximum": 64, "additionalProperties": {"type": "integer", "minimum": 7, "maximum": 64}})")
         .Default("12")
         .Allowed("7 (and degree + 1) to 64"),
 };
@@ -136,6 +139,8 @@ constexpr std::array kMirrorKeys = {
         "e.g. `[[\"leg1\", \"leg2\"]]`: each moves as the other does in the guess, "
         "the other way round; joints not named keep their role, the other way round, "
         "too")
+        .Schema(
+            R"({"type": "array", "items": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}})")
         .Required()
         .Allowed("pairs of joints, each joint once"),
 };
@@ -398,8 +403,12 @@ class TaskReader {
 
   void ReadObstacles() {
     // What flies says so; what hangs from a bar need not.
-    std::vector<TomlTable> tables =
-        scene_.robot.hinged() ? root_.OptionalTables("obstacle") : root_.Tables("obstacle");
+    constexpr const char* kWhatToWrite =
+        "say what the robot can touch: for level ground [[obstacle]], and below it name = "
+        "\"ground\", point_m = [0, 0] and normal = [0, 1]; for nothing at all obstacle = [], above "
+        "the file's first [table]";
+    std::vector<TomlTable> tables = scene_.robot.hinged() ? root_.OptionalTables("obstacle")
+                                                          : root_.Tables("obstacle", kWhatToWrite);
     for (TomlTable& table : tables) {
       const Obstacle<Plane> obstacle = ReadObstacle(table);
       for (const Obstacle<Plane>& other : scene_.obstacles) {

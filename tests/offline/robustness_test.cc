@@ -982,6 +982,8 @@ TEST(RobustnessProgram, WhatARunWouldRefuseIsRefusedOfRobotsAndAbortsToo) {
               testing::ReplacedAll(
                   testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
                   "torque_nm = [-18.0, 18.0]", "torque_nm = [-5.0, 5.0]"));
+  testing::WriteFile(
+      drives, testing::ReplacedAll(testing::ReadFile(drives), "[-12.5, 12.5]", "[-2.0, 2.0]"));
   for (const std::vector<std::string>& command :
        {std::vector<std::string>{"tumbler-run", "sim", motion},
         {"tumbler-robustness", motion, "--robots", "2", "--certify"},
@@ -992,6 +994,10 @@ TEST(RobustnessProgram, WhatARunWouldRefuseIsRefusedOfRobotsAndAbortsToo) {
     EXPECT_EQ(refused.exit_code, 2) << refused.text;
     EXPECT_THAT(refused.text, HasSubstr("torque limit is "));
     EXPECT_THAT(refused.text, HasSubstr("whose range is -5 ... 5 N m"));
+    for (const char* joint : {"joint leg1: ", "joint leg2: "}) {
+      for (const char* what : {"position limit is 2.9 rad", "torque limit is "})
+        EXPECT_THAT(refused.text, HasSubstr(std::string(joint) + "the motion's " + what));
+    }
   }
   EXPECT_EQ(testing::ReadFile(motion), text);
 }

@@ -241,7 +241,7 @@ TEST_F(TumblerRun, HoldsTheRobotAlsoWhenNobodyReadsWhatItSays) {
     // What the program says when the hold begins finds nobody who reads.
     const std::string said = Path("said");
     const Outcome outcome =
-        testing::RunInShell("rm -f " + said + "; mkfifo " + said + "; head -n 1 " + said +
+        testing::RunInShell("rm -f " + said + "; mkfifo " + said + "; head -n 3 " + said +
                             " >/dev/null & tumbler-run sim " +
                             testing::SourcePath("primitives/nominal/handstand.toml") +
                             " --drives " + Path("drives.toml") + " --realtime --hold-s 0 --json " +

@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
+#include "offline/rehearsal/twin/damping_notes.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "offline/rehearsal/twin/truth_log.h"
 #include "offline/rehearsal/twin/twin_toml.h"
@@ -139,6 +141,13 @@ Simulation MakeSimulation() {
   simulation.make_world = [](const SequenceFile& motion, const DrivesConfig& drives,
                              const SimulatedWorldConfig& config) {
     return std::make_unique<SimulatedWorld>(motion, drives, config);
+  };
+  simulation.damping_notes = [](const SequenceFile& file, const DrivesConfig& drives,
+                                const SimulatedWorldConfig* config) {
+    const SimulatedMotion motion(file);
+    std::optional<std::int64_t> step_ns;
+    if (config != nullptr) step_ns = RobotOf(motion, *config).twin.step_ns;
+    return DampingNotes(motion, drives, step_ns);
   };
   return simulation;
 }

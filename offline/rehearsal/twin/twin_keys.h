@@ -129,6 +129,7 @@ inline void ReadPatchObstacle(TomlTable& table, std::string_view key, PatchEntry
 }
 inline constexpr std::array kPatchKeys = {
     KeyReadBy<PatchEntry>("obstacle", ReadPatchObstacle, "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("of the task or of this file"),
     KeyOf<&FrictionPatch::mu, PatchEntry>("mu", kTwinFriction, "").Required(),
@@ -153,7 +154,10 @@ inline void ReadPushLink(TomlTable& table, std::string_view key, PushEntry& push
 }
 inline constexpr std::array<std::string_view, 2> kSince = {"start", "enabled"};
 inline constexpr std::array kPushKeys = {
-    KeyReadBy<PushEntry>("link", ReadPushLink, "").Required().Allowed("a link of the robot"),
+    KeyReadBy<PushEntry>("link", ReadPushLink, "")
+        .Schema(R"({"type": "string"})")
+        .Required()
+        .Allowed("a link of the robot"),
     KeyOf<&PushEntry::start_s, PushEntry>("start_s", {0, 1e6}, "").Required(),
     KeyOf<&PushEntry::since_enabled, PushEntry>(
         "since", kSince,
