@@ -2,6 +2,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "offline/model/joint_limits.h"
 
@@ -22,5 +23,12 @@ struct LockedJoint {
     return name == other.name && position_rad == other.position_rad;
   }
 };
+
+/// The same joints, for reading the robot again.
+inline LockedJoints PositionsOf(const std::vector<LockedJoint>& locked) {
+  LockedJoints positions;
+  for (const LockedJoint& joint : locked) positions.emplace(joint.name, joint.position_rad);
+  return positions;
+}
 
 }  // namespace tumbler

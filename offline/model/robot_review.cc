@@ -12,12 +12,6 @@
 namespace tumbler {
 namespace {
 
-/// The position nearest to 0 that the limits allow.
-double NearestToZero(const RobotJointLimits& limits) {
-  return std::clamp(0.0, std::min(limits.lower_rad, limits.upper_rad),
-                    std::max(limits.lower_rad, limits.upper_rad));
-}
-
 /// Adds the joints that no task moves. @returns whether there were any.
 bool AddUnmovable(const Robot& robot, LockedJoints& locked) {
   const std::size_t known = locked.size();
@@ -84,7 +78,11 @@ RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKi
   return review;
 }
 
-/// A joint's name as a key of TOML.
+double NearestToZero(const RobotJointLimits& limits) {
+  return std::clamp(0.0, std::min(limits.lower_rad, limits.upper_rad),
+                    std::max(limits.lower_rad, limits.upper_rad));
+}
+
 std::string TomlKey(const std::string& name) {
   const bool bare = !name.empty() && std::ranges::all_of(name, [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||

@@ -47,6 +47,9 @@ struct RobotReview {
 RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKind root,
                         const LockedJoints& locked = {});
 
+/// The position nearest to 0 that the limits allow.
+double NearestToZero(const RobotJointLimits& limits);
+
 /// A name as a key of a TOML file: in quotes where it has to be. Names hold no control characters.
 std::string TomlKey(const std::string& name);
 
