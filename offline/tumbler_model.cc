@@ -19,6 +19,7 @@
 
 #include "common/command_line.h"
 #include "common/index.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/dynamics/hybrid_dynamics.h"
@@ -283,8 +284,9 @@ ExitStatus Check(const Arguments& arguments) {
   const LockedJoints locked = LockedOf(arguments);
   const RobotReview review = ReviewRobot(text, arguments.robot, RootOf(arguments), locked);
   for (const RobotFinding& mistake : review.mistakes) {
-    fmt::print(stderr, "error: {}\n",
-               FileError(arguments.robot, mistake.line, mistake.key, mistake.problem).what());
+    fmt::print(
+        stderr, "error: {}\n",
+        Printable(FileError(arguments.robot, mistake.line, mistake.key, mistake.problem).what()));
   }
   if (!review.robot) return ExitStatus::kUnusable;
   const Robot& robot = *review.robot;

@@ -137,7 +137,6 @@ class Builder {
     robot_.file = file_;
     robot_.name = model_->getName();
     robot_.root = root;
-    robot_.findings = source_.lacks();
     robot_.tree.gravity = {0, 0, -kGravity};
     AddRoot(root);
     AddLink(*model_->getRoot(), robot_.root_dofs - 1, Pose());
@@ -295,6 +294,8 @@ class Builder {
     about.link = child->name;
     about.continuous = joint.type == urdf::Joint::CONTINUOUS;
     about.axis_line = source_.LineOfJoint(joint.name, "axis");
+    const auto [first, last] = source_.lacks().equal_range(joint.name);
+    for (auto lack = first; lack != last; ++lack) robot_.findings.push_back(lack->second);
     if (joint.limits != nullptr) AddLimits(joint, about);
     if (joint.dynamics != nullptr) {
       dof.damping_nm_s_per_rad = joint.dynamics->damping;

@@ -55,24 +55,24 @@ RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKi
   }
   review.obstacles = ObstaclesToPlanning(*review.robot);
   LockedJoints all = locked;
-  Robot reduced = *review.robot;
+  std::optional<Robot> reduced = *review.robot;
   // An axis may leave the plane only because of another that is not at 0.
-  while (AddUnmovable(reduced, all)) {
+  while (AddUnmovable(*reduced, all)) {
+    reduced.reset();
     try {
       reduced = ParseRobot(text, file, root, all);
-    } catch (const RobotFileError& error) {
-      review.left = error.findings();  // Nothing moves any more.
-      reduced.tree.dofs.clear();
-      break;
+    } catch (const RobotFileError&) {
+      break;  // Nothing moves any more.
     }
   }
   for (const auto& [name, position] : all) {
     if (!locked.contains(name)) review.to_lock.emplace(name, position);
   }
-  for (std::size_t j = Index(reduced.root_dofs); j < reduced.tree.dofs.size(); ++j)
-    review.joints_left.push_back(reduced.tree.dofs[j].name);
-  if (review.left.empty()) review.left = ObstaclesToPlanning(reduced);
-  const ContactShapes<Plane> contact = PlanarContactShapes(reduced);
+  if (!reduced) return review;
+  for (std::size_t j = Index(reduced->root_dofs); j < reduced->tree.dofs.size(); ++j)
+    review.joints_left.push_back(reduced->tree.dofs[j].name);
+  review.left = ObstaclesToPlanning(*reduced);
+  const ContactShapes<Plane> contact = PlanarContactShapes(*reduced);
   review.touches = !contact.shapes.empty();
   review.ignored_shapes = contact.ignored;
   return review;

@@ -409,8 +409,8 @@ class UrdfSource::Reader {
     ParseXml(text, file, document_);
     static_cast<void>(RobotOf(document_, file));
     ReadElements();
-    ReadEnds();
-    CheckTree();
+    if (links_named_) ReadEnds();
+    if (links_named_ && connected_) CheckTree();
     if (link_order_.empty()) mistakes_.push_back({RowOf(robot()), "robot", "has no link"});
     if (!mistakes_.empty()) throw RobotFileError(file_, mistakes_);
     Translate();
@@ -438,13 +438,17 @@ class UrdfSource::Reader {
       const ElementChecker check(mistakes_, KeyOf(*e, name));
       if (const char* mistake = MistakeInName(name))
         check.Note(*e, std::string("the name ") + mistake);
-      if (name.empty()) check.Note(*e, "has no name; give it the attribute name");
+      if (name.empty()) {
+        check.Note(*e, "has no name; give it the attribute name");
+        links_named_ = links_named_ && kind != "link";
+      }
       Lines lines{{"", RowOf(*e)}};
       AddLines(*e, lines);
       Index& index = kind == "link" ? source_.links_ : source_.joints_;
       if (const auto [other, is_new] = index.emplace(name, std::move(lines));
           !is_new && !name.empty()) {
         check.Note(*e, fmt::format("the name is taken by line {}", other->second.at("")));
+        links_named_ = links_named_ && kind != "link";
       }
       if (kind == "link") {
         link_order_.push_back(name);
@@ -456,7 +460,11 @@ class UrdfSource::Reader {
       } else {
         source_.joint_order_.push_back(name);
         CheckJoint(*e, check);
-        if (const std::optional<Edge> edge = ReadEdge(name, *e, check)) edges_.push_back(*edge);
+        if (const std::optional<Edge> edge = ReadEdge(name, *e, check)) {
+          edges_.push_back(*edge);
+        } else {
+          connected_ = false;
+        }
       }
     }
   }
@@ -475,12 +483,14 @@ class UrdfSource::Reader {
         }
         check.Note(*element, fmt::format("<{}> is the link '{}', which is not in the file",
                                          element->ValueStr(), name));
+        connected_ = false;
       }
       if (const auto [other, is_new] = carried_by.emplace(edge.child, edge.joint); !is_new) {
         check.Note(*edge.child_element,
                    fmt::format("its <child> '{}' is already that of joint '{}'; a link hangs on "
                                "one joint only",
                                edge.child, other->second));
+        connected_ = false;
         continue;
       }
       parents_.emplace(edge.child, edge.parent);
@@ -611,7 +621,7 @@ class UrdfSource::Reader {
     TiXmlElement* limit = joint.FirstChildElement("limit");
     if (limit == nullptr && type == "continuous") return;
     if (limit == nullptr) {
-      source_.lacks_.push_back({RowOf(joint), key, "lacks <limit>"});
+      source_.lacks_.emplace(name, RobotFinding{RowOf(joint), key, "lacks <limit>"});
       limit = joint.InsertEndChild(TiXmlElement("limit"))->ToElement();
       // Without ends, it can be looked at wherever it is.
       for (const auto& [attribute, value] :
@@ -623,8 +633,9 @@ class UrdfSource::Reader {
     }
     for (const char* attribute : {"effort", "velocity"}) {
       if (limit->Attribute(attribute) != nullptr) continue;
-      source_.lacks_.push_back(
-          {RowOf(*limit), key, fmt::format("<limit> lacks the attribute {}", attribute)});
+      source_.lacks_.emplace(
+          name, RobotFinding{RowOf(*limit), key,
+                             fmt::format("<limit> lacks the attribute {}", attribute)});
       limit->SetAttribute(attribute, ExactDecimal(kNoLimit).c_str());
       changed_ = true;
     }
@@ -638,6 +649,9 @@ class UrdfSource::Reader {
   std::vector<Edge> edges_;
   std::map<std::string, std::string> parents_;  // the link that carries each link
   std::vector<TiXmlElement> new_links_;
+  /// Whether every link has a name of its own, and every joint its two ends. Without, ends and tree
+  /// would lack what is only misspelt.
+  bool links_named_ = true, connected_ = true;
   bool changed_ = false;
 };
 

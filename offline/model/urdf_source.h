@@ -52,8 +52,9 @@ class UrdfSource {
   [[nodiscard]] const std::vector<RoundedAngle>& rounded_angles() const { return rounded_angles_; }
   /// For people: what else was taken otherwise than it is written, and the robot is the same.
   [[nodiscard]] const std::vector<RobotFinding>& notes() const { return notes_; }
-  /// What a task needs and the file lacks; the robot can be looked at without.
-  [[nodiscard]] const std::vector<RobotFinding>& lacks() const { return lacks_; }
+  /// What a task needs of a joint and the file lacks, by the joint's name; the robot can be looked
+  /// at without.
+  [[nodiscard]] const std::multimap<std::string, RobotFinding>& lacks() const { return lacks_; }
   /// Joints whose type is none of ours, such as `floating`, by their names: why they are held.
   [[nodiscard]] const std::map<std::string, std::string>& held_joints() const { return held_; }
 
@@ -69,7 +70,8 @@ class UrdfSource {
 
   std::string text_;
   std::vector<RoundedAngle> rounded_angles_;
-  std::vector<RobotFinding> notes_, lacks_;
+  std::vector<RobotFinding> notes_;
+  std::multimap<std::string, RobotFinding> lacks_;
   std::map<std::string, std::string> held_;
   Index links_;
   Index joints_;

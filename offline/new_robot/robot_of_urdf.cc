@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include "common/index.h"
 #include "common/toml_reader.h"
@@ -18,7 +19,7 @@ namespace {
 /// How far a joint is bent, at most [rad, m], and the part of its range.
 constexpr double kBend_rad = 0.2, kBend_m = 0.02, kPartOfRange = 0.25;
 /// How far from its limits a joint starts, at most [rad, m], and the part of its range.
-constexpr double kInside = 0.02, kInsidePart = 0.1;
+constexpr double kFromLimit = 0.02, kFromLimitPart = 0.1;
 
 double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
 
@@ -37,10 +38,11 @@ MovedJoint Moved(const Robot& robot, std::size_t dof) {
   const double lower = std::max(joint.limits.lower_rad, -100.0);
   const double upper = std::min(joint.limits.upper_rad, 100.0);
   const double range = std::max(0.0, upper - lower);
-  const double inside = std::min(kInside, kInsidePart * range);
+  const double inside = std::min(kFromLimit, kFromLimitPart * range);
   joint.start = std::clamp(0.0, lower + inside, upper - inside);
   const double most = from.kind == JointKind::kRevolute ? kBend_rad : kBend_m;
   const double bend = std::min(most, kPartOfRange * range);
+  joint.start = std::round(1e6 * joint.start) / 1e6;
   joint.end = joint.start + (joint.start + bend <= upper - inside ? bend : -bend);
   return joint;
 }
@@ -68,6 +70,9 @@ class Writer {
     for (const Dof<Spatial>& dof : robot.tree.dofs) mass_kg_ += dof.mass_kg;
     touches_ = review.touches;
   }
+
+  /// Which of the robot's own shapes its tasks keep apart (`self_contact.shapes`).
+  void KeepApart(std::string_view shapes) { kept_apart_ = shapes; }
 
   [[nodiscard]] bool touches() const { return touches_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
@@ -126,6 +131,13 @@ weight = 1.0e-2
             : "",
         Pose(bend), Pose(!bend), Motors());
     if (planar()) text += Ground();
+    if (!kept_apart_.empty()) {
+      text += fmt::format(
+          "\n[self_contact]\nshapes = \"{}\"       # of all, some are in each other where the "
+          "motion "
+          "starts, or there are too many\n",
+          kept_apart_);
+    }
     return text + R"(
 [search]
 seed = 1                  # another one finds another motion
@@ -372,12 +384,33 @@ normal = [0.0, 1.0]
   std::vector<std::string> notes_;
   double mass_kg_ = 0;
   bool touches_ = false;
+  std::string_view kept_apart_;
 };
 
 /// Throws as the tasks' reader does.
 void CheckTasks(const Writer& writer, const std::string& urdf, const std::string& urdf_file) {
   static_cast<void>(ParseTask(writer.Task(true), "tasks/bend.toml", urdf, urdf_file));
   static_cast<void>(ParseTask(writer.Task(false), "tasks/unbend.toml", urdf, urdf_file));
+}
+
+/// The same. Leaves out own shapes that cannot be kept apart.
+void MakeTasks(Writer& writer, const std::string& urdf, const std::string& urdf_file) {
+  for (const std::string_view shapes : {"", "collision", "none"}) {
+    writer.KeepApart(shapes);
+    try {
+      CheckTasks(writer, urdf, urdf_file);
+    } catch (const FileError& error) {
+      if (std::string_view(error.what()).find(": self_contact.") == std::string_view::npos) throw;
+      continue;
+    }
+    if (!shapes.empty()) {
+      writer.Note(
+          fmt::format("self_contact.shapes is \"{}\", as the robot's other shapes cannot be "
+                      "kept apart",
+                      shapes));
+    }
+    return;
+  }
 }
 
 /// The files of the robot on the ground; with `root` none: of a fixed one, where it does not rest
@@ -389,7 +422,7 @@ Writer WriterOf(const std::string& name, const std::string& urdf, const std::str
     try {
       Writer planar(name, urdf, urdf_file, RootKind::kPlanarXz);
       if (root || planar.touches()) {
-        CheckTasks(planar, urdf, urdf_file);
+        MakeTasks(planar, urdf, urdf_file);
         return planar;
       }
       why = "it has no collision shape to stand on";
@@ -399,7 +432,7 @@ Writer WriterOf(const std::string& name, const std::string& urdf, const std::str
     }
   }
   Writer fixed(name, urdf, urdf_file, RootKind::kFixed);
-  CheckTasks(fixed, urdf, urdf_file);
+  MakeTasks(fixed, urdf, urdf_file);
   if (!root)
     fixed.Note(fmt::format("its root link is fixed, as it does not rest on the ground: {}", why));
   return fixed;

@@ -257,32 +257,32 @@ const std::string kAcross =
     "<axis xyz='1 0 0'/><limit lower='0.2' upper='1' effort='3' velocity='4'/>";
 
 TEST(ModelCheck, ListsEverythingAtOnceAndTheJointsThatATaskHasToLock) {
-  const ModelOutcome run =
-      ModelRunner(Row({kAcross, kInPlane,
-                       "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='0' velocity='0'/>",
-                       "<axis xyz='0 1 0'/>"}))("check", "");
+  const ModelOutcome run = ModelRunner(
+      Row({kInPlane, "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='0' velocity='0'/>",
+           "<axis xyz='0 1 0'/>", kAcross}))("check", "");
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("can be looked at: yes\ncan be planned: not yet; in the way:\n"));
-  EXPECT_THAT(run.out, HasSubstr("robot.urdf:9: joint 'j2': limit velocity = 0; allowed: > 0\n"));
-  EXPECT_THAT(run.out, HasSubstr("robot.urdf:9: joint 'j2': limit effort = 0; allowed: > 0\n"));
-  EXPECT_THAT(run.out, HasSubstr("robot.urdf:10: joint 'j3': lacks <limit>\n"));
   EXPECT_THAT(run.out,
-              HasSubstr("robot.urdf:7: joint 'j0': its axis in the robot's frame is (1, 0, "));
-  EXPECT_THAT(run.out, HasSubstr("    locked = { j0 = 0.2 }\n"));
-  EXPECT_THAT(run.out, HasSubstr("joints left with these locked: j1, j2, j3\n"));
+              HasSubstr("    robot.urdf:8: joint 'j1': limit velocity = 0; allowed: > 0\n"));
+  EXPECT_THAT(run.out, HasSubstr("    robot.urdf:8: joint 'j1': limit effort = 0; allowed: > 0\n"));
+  EXPECT_THAT(run.out, HasSubstr("    robot.urdf:9: joint 'j2': lacks <limit>\n"));
+  EXPECT_THAT(run.out,
+              HasSubstr("    robot.urdf:10: joint 'j3': its axis in the robot's frame is (1, 0, "));
+  EXPECT_THAT(run.out, HasSubstr("    locked = { j3 = 0.2 }\n"));
+  EXPECT_THAT(run.out, HasSubstr("joints left with these locked: j0, j1, j2\n"));
   EXPECT_THAT(run.out, HasSubstr("it still needs another file:\n"));
   EXPECT_THAT(run.out, ::testing::Not(HasSubstr("locked: yes")));
 }
 
 TEST(ModelCheck, SaysWithWhichJointsLockedATaskTakesTheRobotAndTakesThemItself) {
-  const ModelRunner run(Row({kAcross, kInPlane}));
+  const ModelRunner run(Row({kInPlane, kAcross}));
   EXPECT_THAT(run("check", "").out, HasSubstr("can be planned with these joints locked: yes\n"));
-  const ModelOutcome locked = run("check", "--locked j0=0.5");
+  const ModelOutcome locked = run("check", "--locked j1=0.5");
   EXPECT_THAT(locked.out, HasSubstr("locked at 0.5\n"));
   EXPECT_THAT(locked.out, HasSubstr("can be planned: yes, tumbler-optimize takes it\n"));
-  EXPECT_THAT(run("check", "--locked j0=0.1").err, HasSubstr("j0 is 0.1; allowed: 0.2 ... 1"));
+  EXPECT_THAT(run("check", "--locked j1=0.1").err, HasSubstr("j1 is 0.1; allowed: 0.2 ... 1"));
   EXPECT_THAT(run("check", "--locked j9=0").err, HasSubstr("'j9' is no joint"));
-  EXPECT_THAT(run("check", "--locked j0").err, HasSubstr("allowed, separated by commas"));
+  EXPECT_THAT(run("check", "--locked j1").err, HasSubstr("allowed, separated by commas"));
 }
 
 TEST(ModelCheck, LooksAtARobotOfAnySizeAndSaysHowManyJointsATaskHasToLock) {

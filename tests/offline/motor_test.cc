@@ -343,6 +343,8 @@ TEST(Motor, FrictionOfAFileThatIsNotSimulatedIsRefusedWithWhatCanBeSaidInstead) 
                         "is simulated; allowed: up to 5, or motor.waist.dry_friction_nm"));
   EXPECT_EQ(mistake("[motor.waist]\ndry_friction_nm = 5.0\n", "6"), "taken");
   EXPECT_EQ(mistake("", "5"), "taken");
+  EXPECT_THAT(mistake("[passive.waist]\n", "0.1"),
+              HasSubstr("passive.waist: has a dry friction of 0.1 N m in the robot's file"));
 }
 
 TEST(Motor, AMotionFoundWithACurveStaysWithinItInAFinerSimulationAndInTheTwin) {
