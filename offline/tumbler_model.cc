@@ -23,6 +23,7 @@
 #include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/mjcf.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
 #include "offline/model/robot_review.h"
@@ -52,6 +53,7 @@ struct Arguments {
   std::string prescribed;
   std::string locked;
   std::vector<double> gravity;
+  double velocity = 0;  ///< 0: not given.
   bool derivatives = false;
 };
 
@@ -587,6 +589,16 @@ ExitStatus Hybrid(const Arguments& arguments) {
   return ExitStatus::kDone;
 }
 
+ExitStatus Urdf(const Arguments& arguments) {
+  std::optional<double> velocity;
+  if (arguments.velocity > 0) velocity = arguments.velocity;
+  const MjcfRobot robot = ReadMjcf(arguments.robot, velocity);
+  for (const std::string& note : robot.notes) fmt::print(stderr, "note: {}\n", Printable(note));
+  fmt::print("{}", robot.urdf);
+  FlushOutput();
+  return ExitStatus::kDone;
+}
+
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line("Shows what a robot file (URDF) holds, and evaluates its equations of motion.",
@@ -617,6 +629,12 @@ ExitStatus Main(int argc, char** argv) {
       "acceleration).\n"
       "Forces stay constant in world axes then, and their points move with the links.\n"
       "Free joints have no force of their own but the damping of the file.");
+  CommandLine urdf = line.Subcommand(
+      "urdf", "Writes a robot of MJCF, which MuJoCo reads, as a URDF to standard output");
+  urdf.Option("ROBOT", arguments.robot, "Robot file (MJCF)").Required();
+  urdf.Option("--velocity", arguments.velocity,
+              "Limit of all joints [rad/s, m/s], of which MJCF has none; a task needs one")
+      .Within(1e-3, 1e3);
   for (CommandLine command : {check, hybrid}) {
     command.Option("ROBOT", arguments.robot, "Robot file (URDF)").Required();
     command.Option("--root", arguments.root, "How the root link is held")
@@ -632,6 +650,7 @@ ExitStatus Main(int argc, char** argv) {
   hybrid.Option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
       .TakesValues(3, "X Y Z");
   line.Parse(argc, argv);
+  if (urdf.given()) return Urdf(arguments);
   return check.given() ? Check(arguments) : Hybrid(arguments);
 }
 
