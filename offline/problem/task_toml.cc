@@ -794,11 +794,19 @@ void CheckLocked(TomlTable& root, const LockedJoints& locked, const Robot& robot
         names += (names.empty() ? "" : ", ") + robot.tree.dofs[j].name;
       table.Fail(name, fmt::format("is no joint of the robot that moves; its joints: {}", names));
     }
-    const RobotJointLimits& limits = found->limits;
-    if (position_rad >= limits.lower_rad && position_rad <= limits.upper_rad) continue;
-    table.Fail(name, fmt::format("is {}; allowed: where the robot's file lets it be, {} ... {}",
-                                 MessageNumber(position_rad), MessageNumber(limits.lower_rad),
-                                 MessageNumber(limits.upper_rad)));
+  }
+  for (const LockedJoint& joint : robot.locked) {
+    const RobotJointLimits& limits = joint.limits;
+    if (joint.position_rad >= limits.lower_rad && joint.position_rad <= limits.upper_rad) continue;
+    const bool follows = !joint.with.empty();
+    const std::string& asked = follows ? joint.with : joint.name;
+    table.Fail(asked,
+               fmt::format("is {}{}; allowed: where the robot's file lets it be, {} ... {}",
+                           MessageNumber(locked.at(asked)),
+                           follows ? fmt::format(", which puts '{}', which follows it, at {}",
+                                                 joint.name, MessageNumber(joint.position_rad))
+                                   : "",
+                           MessageNumber(limits.lower_rad), MessageNumber(limits.upper_rad)));
   }
 }
 

@@ -329,6 +329,19 @@ TEST(Task, WhatCannotBeLockedIsRefusedByName) {
   EXPECT_THAT(mistake(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.1 }")),
               HasSubstr("task.toml:6: locked.grip: is 0.1; allowed: where the robot's file lets it "
                         "be, 0.005 ... 0.03"));
+  const std::string sweeper =
+      testing::ReadFile(testing::SourcePath("tests/data/robots/sweeper.urdf"));
+  EXPECT_THAT(
+      [&] {
+        ParseTask(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.02 }"), "task.toml",
+                  Replaced(sweeper, "<mimic joint=\"grip\"/>",
+                           "<mimic joint=\"grip\" multiplier=\"2\"/>"),
+                  "sweeper.urdf");
+      },
+      ::testing::Throws<FileError>(::testing::Property(
+          &FileError::what,
+          HasSubstr("locked.grip: is 0.02, which puts 'grip_mirror', which follows "
+                    "it, at 0.04; allowed: where the robot's file lets it be"))));
   EXPECT_THAT(mistake(SweeperTask("{ shoulder_yawn = 0.0 }")),
               HasSubstr("locked.shoulder_yawn: is no joint of the robot that moves; its joints: "));
   EXPECT_THAT(mistake(SweeperTask("{ camera_mount = 0.0 }")), HasSubstr("locked.camera_mount: "));
