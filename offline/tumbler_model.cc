@@ -100,6 +100,12 @@ void CheckLocked(const Robot& robot, const LockedJoints& asked) {
       throw UsageError("--locked",
                        fmt::format("'{}' is no joint of {} that moves", name, robot.file));
     }
+    if (position != found->position_rad) {
+      throw UsageError("--locked",
+                       fmt::format("{} is {}, but it follows {}, with which it is at {}; "
+                                   "leave it out",
+                                   name, position, found->with, found->position_rad));
+    }
     if (position < found->limits.lower_rad || position > found->limits.upper_rad) {
       throw UsageError("--locked", fmt::format("{} is {}; allowed: {:g} ... {:g}", name, position,
                                                found->limits.lower_rad, found->limits.upper_rad));

@@ -209,6 +209,7 @@ class Builder {
       const urdf::Link& child = *model_->getLink(joint->child_link_name);
       if (const std::optional<LockedJoint> held = LockOf(*joint)) {
         robot_.locked.push_back(*held);
+        if (joint->mimic != nullptr && held->with.empty()) NoteFollower(*joint);
         const bool moves = joint->type != urdf::Joint::FIXED;
         AddLink(child, body,
                 moves ? X_joint * Moved(joint->type != urdf::Joint::PRISMATIC, AxisOf(*joint),
@@ -243,22 +244,35 @@ class Builder {
       lock.limits.lower_rad = OrNone(joint.limits->lower);
       lock.limits.upper_rad = OrNone(joint.limits->upper);
     }
-    // A joint may follow one that follows another; files with a circle of them are refused by none.
+    const auto own = locked_.find(joint.name);
+    if (own != locked_.end()) lock.position_rad = own->second;
+    // A joint may follow one that follows another; of a circle of them none leads.
     double factor = 1, offset = 0;
     const urdf::Joint* at = &joint;
-    for (std::size_t i = 0; i <= source_.joint_order().size(); ++i) {
-      if (const auto own = locked_.find(at->name); own != locked_.end()) {
-        lock.position_rad = factor * own->second + offset;
-        if (at != &joint) lock.with = at->name;
-        return lock;
-      }
-      if (at->mimic == nullptr) break;
+    for (std::size_t i = 0; i < source_.joint_order().size() && at->mimic != nullptr; ++i) {
       offset += factor * at->mimic->offset;
       factor *= at->mimic->multiplier;
-      at = model_->getJoint(at->mimic->joint_name).get();
-      if (at == nullptr) break;
+      const urdf::Joint* const leader = model_->getJoint(at->mimic->joint_name).get();
+      if (leader == nullptr) break;
+      at = leader;
     }
-    return std::nullopt;
+    if (at != &joint && at->mimic == nullptr) {
+      if (const auto leader = locked_.find(at->name); leader != locked_.end()) {
+        lock.position_rad = factor * leader->second + offset;
+        lock.with = at->name;
+        return lock;
+      }
+    }
+    if (own == locked_.end()) return std::nullopt;
+    return lock;
+  }
+
+  void NoteFollower(const urdf::Joint& joint) {
+    NoteJoint(joint.name,
+              fmt::format("follows joint '{}' (mimic), and no task has joints that follow others; "
+                          "lock that, and with it this one, or leave <mimic> out",
+                          joint.mimic->joint_name),
+              "mimic");
   }
 
   static double OrNone(double limit) {
@@ -308,11 +322,7 @@ class Builder {
     }
     if (joint.mimic != nullptr) {
       about.mimics = joint.mimic->joint_name;
-      NoteJoint(joint.name,
-                fmt::format("follows joint '{}' (mimic), and no task has joints that follow "
-                            "others; lock either of them, or leave <mimic> out",
-                            about.mimics),
-                "mimic");
+      NoteFollower(joint);
     }
     AddDof(dof, about);
     // At q = 0 the new frame has the robot's axes. The rotation of the link's own frame is kept in

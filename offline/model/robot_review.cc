@@ -12,14 +12,31 @@
 namespace tumbler {
 namespace {
 
+/// The joint that a joint follows in the end: of those that are not fixed, or in a circle.
+int LeaderOf(const Robot& robot, int dof) {
+  for (std::size_t i = 0; i < robot.joints.size(); ++i) {
+    const std::string& mimics = robot.joints[Index(dof)].mimics;
+    const int leader = mimics.empty() ? -1 : robot.FindDof(mimics);
+    if (leader < 0) break;
+    dof = leader;
+  }
+  return dof;
+}
+
 /// Adds the joints that no task moves. @returns whether there were any.
 bool AddUnmovable(const Robot& robot, LockedJoints& locked) {
   const std::size_t known = locked.size();
   for (std::size_t j = Index(robot.root_dofs); j < robot.tree.dofs.size(); ++j) {
     const Dof<Spatial>& dof = robot.tree.dofs[j];
     const RobotJoint& joint = robot.joints[j];
-    if (LeavesPlane(dof) || !joint.mimics.empty() || !robot.MovesMass(static_cast<int>(j)))
-      locked.emplace(dof.name, NearestToZero(joint.limits));
+    if (joint.mimics.empty()) {
+      if (LeavesPlane(dof) || !robot.MovesMass(static_cast<int>(j)))
+        locked.emplace(dof.name, NearestToZero(joint.limits));
+    } else {
+      const int leader = LeaderOf(robot, static_cast<int>(j));
+      const std::size_t moved = Index(leader);
+      locked.emplace(robot.tree.dofs[moved].name, NearestToZero(robot.joints[moved].limits));
+    }
   }
   for (const std::string& joint : robot.held_joints) locked.emplace(joint, 0.0);
   return locked.size() > known;

@@ -796,6 +796,14 @@ void CheckLocked(TomlTable& root, const LockedJoints& locked, const Robot& robot
     }
   }
   for (const LockedJoint& joint : robot.locked) {
+    if (const auto asked = locked.find(joint.name);
+        asked != locked.end() && asked->second != joint.position_rad) {
+      table.Fail(
+          joint.name,
+          fmt::format("is {}, but it follows '{}', with which it is at {}; leave "
+                      "it out",
+                      MessageNumber(asked->second), joint.with, MessageNumber(joint.position_rad)));
+    }
     const RobotJointLimits& limits = joint.limits;
     if (joint.position_rad >= limits.lower_rad && joint.position_rad <= limits.upper_rad) continue;
     const bool follows = !joint.with.empty();

@@ -93,15 +93,13 @@ TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
   const std::string urdf = SourcePath("tests/data/robots/sweeper.urdf");
   const Outcome made = In(folder / "", "tumbler-new sweeper --urdf " + urdf);
   EXPECT_EQ(made.exit_code, 0) << made.text;
-  EXPECT_THAT(made.text,
-              HasSubstr("note: locked, as no task moves them: grip, grip_mirror, shoulder_yaw"));
+  EXPECT_THAT(made.text, HasSubstr("note: locked, as no task moves them: grip, shoulder_yaw"));
   EXPECT_THAT(made.text,
               HasSubstr("of which these joints move: shoulder_pitch, elbow. Go on with\n"));
   EXPECT_EQ(ReadFile(folder / "sweeper/sweeper.urdf"), ReadFile(urdf));
   const std::string task = ReadFile(folder / "sweeper/tasks/bend.toml");
   EXPECT_THAT(task, HasSubstr("root = \"planar-xz\""));
-  EXPECT_THAT(task,
-              HasSubstr("locked = { grip = 0.005, grip_mirror = 0.005, shoulder_yaw = 0.0 }"));
+  EXPECT_THAT(task, HasSubstr("locked = { grip = 0.005, shoulder_yaw = 0.0 }"));
   EXPECT_THAT(task, HasSubstr("joints_rad = { shoulder_pitch = 0.0, elbow = 0.12 }"));
   EXPECT_THAT(ReadFile(folder / "sweeper/drives.toml"), ::testing::Not(HasSubstr("shoulder_yaw")));
   const Outcome moved =
@@ -116,10 +114,9 @@ TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
   EXPECT_EQ(moved.exit_code, 0) << moved.text;
   EXPECT_THAT(moved.text, HasSubstr("2 motions, 1 complete cycle"));
   // A motion with other joints locked is of another robot.
-  testing::WriteFile(
-      folder / "sweeper/tasks/other.toml",
-      testing::Replaced(ReadFile(folder / "sweeper/tasks/unbend.toml"),
-                        "grip = 0.005, grip_mirror = 0.005", "grip = 0.02, grip_mirror = 0.02"));
+  testing::WriteFile(folder / "sweeper/tasks/other.toml",
+                     testing::Replaced(ReadFile(folder / "sweeper/tasks/unbend.toml"),
+                                       "grip = 0.005", "grip = 0.02"));
   EXPECT_THAT(In(folder / "sweeper",
                  "tumbler-optimize tasks/other.toml --start-from motions/bend.toml --out o.toml")
                   .text,

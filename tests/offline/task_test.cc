@@ -342,6 +342,10 @@ TEST(Task, WhatCannotBeLockedIsRefusedByName) {
           &FileError::what,
           HasSubstr("locked.grip: is 0.02, which puts 'grip_mirror', which follows "
                     "it, at 0.04; allowed: where the robot's file lets it be"))));
+  EXPECT_THAT(
+      mistake(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.01, grip_mirror = 0.02 }")),
+      HasSubstr("locked.grip_mirror: is 0.02, but it follows 'grip', with which it is at 0.01; "
+                "leave it out"));
   EXPECT_THAT(mistake(SweeperTask("{ shoulder_yawn = 0.0 }")),
               HasSubstr("locked.shoulder_yawn: is no joint of the robot that moves; its joints: "));
   EXPECT_THAT(mistake(SweeperTask("{ camera_mount = 0.0 }")), HasSubstr("locked.camera_mount: "));
