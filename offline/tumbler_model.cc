@@ -284,7 +284,10 @@ void PrintUse(const RobotReview& review) {
     fmt::print(
         "  to touch anything it needs collision shapes: spheres, cylinders, capsules or boxes\n");
   }
-  if (review.CanBePlanned()) fmt::print("can be planned with these joints locked: yes\n");
+  if (review.CanBePlanned()) {
+    fmt::print("can be planned with these joints locked: {}\n",
+               review.touches ? "yes" : "only where it touches nothing (obstacle = [])");
+  }
 }
 
 ExitStatus Check(const Arguments& arguments) {

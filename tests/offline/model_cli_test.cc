@@ -280,6 +280,9 @@ TEST(ModelCheck, SaysWithWhichJointsLockedATaskTakesTheRobotAndTakesThemItself) 
   const ModelOutcome locked = run("check", "--locked j1=0.5");
   EXPECT_THAT(locked.out, HasSubstr("locked at 0.5\n"));
   EXPECT_THAT(locked.out, HasSubstr("can be planned: yes, tumbler-optimize takes it\n"));
+  const std::string bare = testing::ReplacedAll(Row({kInPlane, kAcross}), "collision>", "visual>");
+  EXPECT_THAT(ModelRunner(bare)("check", "").out,
+              HasSubstr("can be planned with these joints locked: only where it touches nothing"));
   EXPECT_THAT(run("check", "--locked j1=0.1").err, HasSubstr("j1 is 0.1; allowed: 0.2 ... 1"));
   EXPECT_THAT(run("check", "--locked j9=0").err, HasSubstr("'j9' is no joint"));
   EXPECT_THAT(run("check", "--locked j1").err, HasSubstr("allowed, separated by commas"));
