@@ -209,7 +209,7 @@ class Builder {
       const urdf::Link& child = *model_->getLink(joint->child_link_name);
       if (const std::optional<LockedJoint> held = LockOf(*joint)) {
         robot_.locked.push_back(*held);
-        if (joint->mimic != nullptr && held->with.empty()) NoteFollower(*joint);
+        if (held->with.empty() && FollowsWhatMoves(*joint)) NoteFollower(*joint);
         const bool moves = joint->type != urdf::Joint::FIXED;
         AddLink(child, body,
                 moves ? X_joint * Moved(joint->type != urdf::Joint::PRISMATIC, AxisOf(*joint),
@@ -249,22 +249,30 @@ class Builder {
     // A joint may follow one that follows another; of a circle of them none leads.
     double factor = 1, offset = 0;
     const urdf::Joint* at = &joint;
-    for (std::size_t i = 0; i < source_.joint_order().size() && at->mimic != nullptr; ++i) {
-      offset += factor * at->mimic->offset;
-      factor *= at->mimic->multiplier;
-      const urdf::Joint* const leader = model_->getJoint(at->mimic->joint_name).get();
-      if (leader == nullptr) break;
-      at = leader;
-    }
-    if (at != &joint && at->mimic == nullptr) {
-      if (const auto leader = locked_.find(at->name); leader != locked_.end()) {
-        lock.position_rad = factor * leader->second + offset;
-        lock.with = at->name;
-        return lock;
+    for (std::size_t i = 0; i <= source_.joint_order().size(); ++i) {
+      const urdf::Joint* const leader =
+          at->mimic == nullptr ? nullptr : model_->getJoint(at->mimic->joint_name).get();
+      if (leader != nullptr) {
+        offset += factor * at->mimic->offset;
+        factor *= at->mimic->multiplier;
+        at = leader;
+        continue;
       }
+      const auto lead = at == &joint ? locked_.end() : locked_.find(at->name);
+      if (lead == locked_.end()) break;
+      lock.position_rad = factor * lead->second + offset;
+      lock.with = at->name;
+      return lock;
     }
     if (own == locked_.end()) return std::nullopt;
     return lock;
+  }
+
+  /// Some files name a leader that they do not have, or that is fixed.
+  [[nodiscard]] bool FollowsWhatMoves(const urdf::Joint& joint) const {
+    if (joint.mimic == nullptr) return false;
+    const urdf::JointConstSharedPtr leader = model_->getJoint(joint.mimic->joint_name);
+    return leader != nullptr && leader->type != urdf::Joint::FIXED;
   }
 
   void NoteFollower(const urdf::Joint& joint) {

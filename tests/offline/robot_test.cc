@@ -580,6 +580,10 @@ TEST(Robot, AJointThatFollowsAnotherIsLockedWithIt) {
   const Robot one = ParseRobot(text, "robot.urdf", RootKind::kPlanarXz, {{"f1", 0.7}});
   ASSERT_EQ(one.locked.size(), 1U);
   EXPECT_EQ(one.findings.size(), 2U);
+  const std::string astray =
+      testing::Replaced(text, "<mimic joint='lead'", "<mimic joint='nobody'");
+  EXPECT_TRUE(ParseRobot(astray, "robot.urdf", RootKind::kPlanarXz, {{"f1", 0.7}}).findings.empty())
+      << "nothing moves that it follows";
   // A circle of them ends nothing but itself.
   const std::string circle =
       testing::Replaced(text, "<child link='a'/>", "<child link='a'/><mimic joint='f2'/>");
