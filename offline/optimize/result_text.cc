@@ -137,6 +137,9 @@ void PrintNotes(const Task& task) {
     fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, angle.line, angle.key,
                Describe(angle));
   }
+  for (const RobotFinding& note : robot.notes()) {
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, note.line, note.key, note.problem);
+  }
   for (const IgnoredShape& shape : task.problem.scene.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);

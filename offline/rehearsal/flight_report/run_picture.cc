@@ -123,9 +123,9 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
   const SimulatedMotion simulated(motion);
   const Problem& problem = simulated.ProblemOf(0);
   const bool fixed = problem.scene.robot.root_dofs == 0;
-  const Robot robot =
-      ParseRobot(motion.primitives.front().provenance.robot_urdf,
-                 motion.primitives.front().provenance.robot_file, problem.scene.robot.root);
+  const Robot robot = ParseRobot(motion.primitives.front().provenance.robot_urdf,
+                                 motion.primitives.front().provenance.robot_file,
+                                 problem.scene.robot.root, PositionsOf(problem.scene.robot.locked));
   RobotPicture picture;
   picture.fixed_root = fixed;
   for (const PassiveJoint& joint : problem.scene.robot.passive) {

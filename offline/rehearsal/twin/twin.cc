@@ -43,7 +43,8 @@ PrimitivePose Lifted(PrimitivePose start, double stand_m) {
 /// The friction of a joint in a twin.
 Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) {
   const JointLosses losses = joint < config.joints.size() ? config.joints[joint] : JointLosses{};
-  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad};
+  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad,
+              .dry_friction_nm = scene.robot.dry_friction_nm[scene.robot.DofOfJoint(joint)]};
   if (joint < scene.motors.size()) motor = scene.motors[joint];
   if (losses.viscous_friction_nm_s_per_rad)
     motor.viscous_friction_nm_s_per_rad = *losses.viscous_friction_nm_s_per_rad;

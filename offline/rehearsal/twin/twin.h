@@ -24,7 +24,8 @@ struct JointLosses {
   /// Friction of bearing and gear. It adds to the damping in the URDF. None: that of the task's
   /// motor, or the usual one.
   std::optional<double> viscous_friction_nm_s_per_rad;
-  /// Coulomb friction, >= 0 (EvaluateDryFriction). None: that of the task's motor, or 0.
+  /// Coulomb friction, >= 0 (EvaluateDryFriction). None: that of the task's motor, or, where the
+  /// task does not say what its motors lose, the friction in the URDF.
   std::optional<double> dry_friction_nm;
   /// The rotor's inertia seen through the gear. None: the inertia in the task.
   std::optional<double> rotor_inertia_kg_m2;

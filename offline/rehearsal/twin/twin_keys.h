@@ -87,7 +87,7 @@ inline constexpr std::array kMotorKeys = {
         .Default("the task's; 0.02 where it has no `[motor]`"),
     KeyOf<&MotorEntry::dry_friction_nm, MotorEntry>(
         "dry_friction_nm", {0, 5}, "full above 0.05 rad/s, as smooth below it as the ground's")
-        .Default("the task's, else 0"),
+        .Default("the task's; the URDF's friction where it has no `[motor]`"),
     KeyOf<&MotorEntry::ambient_c, MotorEntry>(
         "ambient_c", {-50, 150}, "the winding approaches ambient + heating torque^2, first order"),
     KeyOf<&MotorEntry::heating_k_per_nm2, MotorEntry>("heating_k_per_nm2", {0, 1e4}, "likewise"),
