@@ -116,7 +116,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   out.own_shapes = PlanarOwnShapes(robot);
   for (const RobotShape& shape : robot.visual_shapes) {
     const std::optional<Shape<Plane>> outline = PlanarOutline(shape);
-    if (shape.body >= 0 && outline) out.drawing.push_back({shape.body, *outline});
+    if (outline) out.drawing.push_back({shape.body, *outline});
   }
   return out;
 }

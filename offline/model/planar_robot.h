@@ -18,7 +18,7 @@ struct Robot;
 
 /// A shape for drawing, in the plane of a body's frame.
 struct DrawnShape {
-  int body = -1;  ///< Degree of freedom that moves it.
+  int body = -1;  ///< Degree of freedom that moves it; -1 is the world.
   Shape<Plane> shape;
 };
 
