@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "common/toml_reader.h"
 #include "offline/model/robot.h"
 
@@ -34,7 +35,7 @@ Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
   dof.offset = InPlane(from.offset);
   if (from.kind == JointKind::kRevolute) {
     const SpaceVector& axis = from.axis;
-    if (std::hypot(axis.x(), axis.z()) > kPlaneTolerance) {
+    if (portable::Length(axis.x(), axis.z()) > kPlaneTolerance) {
       fail(
           fmt::format("its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a "
                       "robot in the x-z plane: (0, 1, 0) or (0, -1, 0)",
@@ -135,7 +136,7 @@ std::string LinksWithoutContact(const PlanarRobot& robot) {
 }
 
 void Tilt(PlanarRobot& robot, double slope_rad) {
-  const double c = std::cos(slope_rad), s = std::sin(slope_rad);
+  const auto [s, c] = portable::SinCos(slope_rad);
   const Plane::Vector g = robot.tree.gravity;
   robot.tree.gravity = {c * g.x() + s * g.y(), c * g.y() - s * g.x()};
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/portable/functions.h"
 #include "common/sequence_toml.h"
 #include "offline/model/robot.h"
 #include "offline/motion_report/shown_scene.h"
@@ -72,7 +73,7 @@ std::vector<std::array<double, 2>> RoundedOutline(const ReportObstacle& obstacle
   // The outermost corner in each direction carries the arc of that direction.
   for (int i = 0; i < kSteps; ++i) {
     const double angle = 2 * std::numbers::pi * i / kSteps;
-    const double c = std::cos(angle), s = std::sin(angle);
+    const auto [s, c] = portable::SinCos(angle);
     const auto outermost = std::max_element(
         corners.begin(), corners.end(),
         [c, s](const auto& a, const auto& b) { return c * a[0] + s * a[1] < c * b[0] + s * b[1]; });
@@ -105,7 +106,7 @@ SceneTriangles Extrude(const std::vector<std::array<double, 2>>& outline) {
 SceneTriangles DrawObstacle(ReportObstacle obstacle) {
   auto& corners = obstacle.corners_m;
   const bool far = std::any_of(corners.begin(), corners.end(), [](const auto& corner) {
-    return std::hypot(corner[0], corner[1]) > kFarAway_m;
+    return portable::Length(corner[0], corner[1]) > kFarAway_m;
   });
   if (far) {
     // The first and the last corner are on the surface of a half-space.
