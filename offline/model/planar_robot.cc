@@ -95,6 +95,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   }
   PlanarRobot out;
   out.name = robot.name;
+  out.file = robot.file;
   out.tree.gravity = InPlane(robot.tree.gravity);
   out.root = robot.root;
   out.root_dofs = robot.root_dofs;
@@ -116,6 +117,9 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   out.ignored_shapes = std::move(contact.ignored);
   out.own_shapes = PlanarOwnShapes(robot);
   for (const RobotShape& shape : robot.visual_shapes) {
+    if (shape.kind == RobotShape::Kind::kMesh) {
+      out.drawn_meshes.push_back({shape.body, shape.mesh_file, shape.mesh_scale, shape.pose});
+    }
     const std::optional<Shape<Plane>> outline = PlanarOutline(shape);
     if (outline) out.drawing.push_back({shape.body, *outline});
   }

@@ -350,6 +350,9 @@ class Builder {
       shape.size_m = {dim.x, dim.y, dim.z};
     } else {
       shape.kind = RobotShape::Kind::kMesh;
+      const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
+      shape.mesh_file = mesh.filename;
+      shape.mesh_scale = {mesh.scale.x, mesh.scale.y, mesh.scale.z};
     }
     return shape;
   }

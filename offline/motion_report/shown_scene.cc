@@ -9,6 +9,7 @@
 #include "common/index.h"
 #include "offline/contact/outline.h"
 #include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/motion_report/mesh_outline.h"
 
 namespace tumbler {
 namespace {
@@ -81,6 +82,12 @@ ReportData ReportScene(const Problem& problem) {
     link.name = NameOf(robot, body);
     for (const DrawnShape& drawn : robot.drawing) {
       if (drawn.body == body) link.shapes.push_back(ShownShape(drawn.shape, false));
+    }
+    for (const DrawnMesh& mesh : robot.drawn_meshes) {
+      if (mesh.body != body) continue;
+      const Outline outline = MeshOutline(mesh, robot.file);
+      if (outline.corners.empty()) continue;
+      link.shapes.push_back({CornersOf(outline), outline.radius_m, false});
     }
     for (const ContactShape<Plane>& own : robot.shapes) {
       if (own.body == body) link.shapes.push_back(ShownShape(own.shape, true));
