@@ -89,10 +89,11 @@ ReportData ReportScene(const Problem& problem) {
       if (outline.corners.empty()) continue;
       link.shapes.push_back({CornersOf(outline), outline.radius_m, false});
     }
+    // Shapes for contact alone may be no more than a foot.
+    if (link.shapes.empty()) link.shapes = Rods(robot, body);
     for (const ContactShape<Plane>& own : robot.shapes) {
       if (own.body == body) link.shapes.push_back(ShownShape(own.shape, true));
     }
-    if (link.shapes.empty()) link.shapes = Rods(robot, body);
     data.links.push_back(std::move(link));
   }
   for (const ActuatedJoint& joint : problem.joints) {

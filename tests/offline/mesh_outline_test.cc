@@ -49,7 +49,7 @@ class Meshes : public ::testing::Test {
 TEST_F(Meshes, AreFoundFromTheRobotsFileOrInThePackageAboveIt) {
   const std::string mesh =
       (folder_.path() / "arm_description" / "meshes" / "a.obj").lexically_normal().string();
-  for (const std::string named : {std::string("package://arm_description/meshes/a.obj"),
+  for (const std::string& named : {std::string("package://arm_description/meshes/a.obj"),
                                   std::string("package://another_name/meshes/a.obj"),
                                   std::string("../meshes/a.obj"), "file://" + mesh, mesh}) {
     EXPECT_EQ(std::filesystem::path(FindMesh(named, robot_)).lexically_normal(), mesh) << named;

@@ -75,6 +75,17 @@ TEST(ShownScene, ABodyWithoutAShapeIsRodsToItsMassAndToWhatItCarries) {
   EXPECT_EQ(data.links[2].shapes[0].corners_m.size(), 4U);
 }
 
+TEST(ShownScene, ABodyThatHasOnlyAFootToTouchWithIsRodsAndTheFoot) {
+  const std::string foot =
+      R"(<collision><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.01"/></geometry></collision>)";
+  const ReportData data = ReportScene(ProblemOf(Robot(kMesh, foot), RootKind::kPlanarXz));
+  const std::vector<ReportShape>& thigh = data.links[1].shapes;
+  ASSERT_EQ(thigh.size(), 3U);
+  EXPECT_FALSE(thigh[0].collides || thigh[1].collides);
+  EXPECT_TRUE(thigh[2].collides);
+  EXPECT_EQ(thigh[2].radius_m, 0.01);
+}
+
 TEST(ShownScene, OfAFixedRootTheBaseIsShownWhereItIs) {
   const std::string box = R"(<visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual>)";
   const Problem problem = ProblemOf(Robot(box, ""), RootKind::kFixed);

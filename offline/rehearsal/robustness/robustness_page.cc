@@ -19,18 +19,20 @@ using Verdict = TrialOutcome::Verdict;
 constexpr const char* kHead = R"(<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{0}</title><style>
-:root {{ color-scheme: light; --paper: #fff; --ink: #1c2330; --dim: #5d6778; --line: #c8cfda; --empty: #f1f3f6;
+:root {{ color-scheme: light; --paper: #fff; --ink: #1c2330; --dim: #5d6778; --line: #c8cfda; --empty: #f1f3f6; --lost: #d6604d;
   --stands: #2a7fb8; --amiss: #b97a00; --fell: #b2182b; --overlap: #7b3294; --fault: #1c2330; --got-up: #268453; }}
 @media screen and (prefers-color-scheme: dark) {{
-  :root {{ color-scheme: dark; --paper: #13161a; --ink: #e8e9ea; --dim: #9ba3ac; --line: #2d333a; --empty: #1f242a;
+  :root {{ color-scheme: dark; --paper: #13161a; --ink: #e8e9ea; --dim: #9ba3ac; --line: #2d333a; --empty: #1f242a; --lost: #8f3022;
     --stands: #5aa9ee; --amiss: #e6a83a; --fell: #ff7b6e; --overlap: #c785d8; --fault: #e8e9ea; --got-up: #35c496; }}
 }}
 body {{ font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2rem auto;
-  max-width: 62rem; padding: 0 1rem; overflow-wrap: anywhere; }}
-h1 {{ font-size: 1.5rem; margin: 0 0 .2rem; }} h2 {{ font-size: 1.1rem; margin: 1.8rem 0 .4rem; break-after: avoid; }}
+  max-width: 62rem; padding: 0 1rem; overflow-wrap: break-word; }}
+h1 {{ font-size: 1.5rem; margin: 0 0 .2rem; }} h2 {{ font-size: 1.1rem; margin: 1.8rem 0 .4rem; }}
+h2, h2 + p, h2 + p + p {{ break-after: avoid; }}
 p {{ margin: .3rem 0; }} table {{ border-collapse: collapse; }}
 td, th {{ padding: .15rem .8rem .15rem 0; text-align: left; vertical-align: top; }}
 td.n {{ text-align: right; white-space: nowrap; }}
+td.name {{ min-width: 6em; overflow-wrap: anywhere; }} td.verdict {{ white-space: nowrap; }}
 .share {{ font-size: 2.2rem; font-weight: 600; }} .dim {{ color: var(--dim); }}
 .stands {{ color: var(--stands); }} .amiss {{ color: var(--amiss); }} .fell {{ color: var(--fell); }}
 .overlap {{ color: var(--overlap); }} .fault {{ color: var(--fault); }} .got-up {{ color: var(--got-up); }}
@@ -39,7 +41,7 @@ svg text {{ font: 12px system-ui, sans-serif; fill: var(--ink); }}
 svg line {{ stroke: currentColor; stroke-width: 1.6px; opacity: 0.7; }}
 svg line.axis {{ stroke: var(--line); opacity: 1; }}
 svg circle {{ fill: currentColor; }}
-svg rect {{ stroke: var(--paper); fill: var(--empty); }} svg rect.lost {{ fill: #d6604d; }}
+svg rect {{ stroke: var(--paper); fill: var(--empty); }} svg rect.lost {{ fill: var(--lost); }}
 .map {{ max-width: 640px; }} .map .cell {{ font-size: 11px; }}
 @media (max-width: 560px) {{ .map .cell {{ font-size: 10px; }} .map circle {{ r: 2px; }} }}
 @media print {{ body {{ margin: 0; max-width: none; padding: 0; font-size: 12px; }} }}
@@ -105,7 +107,7 @@ std::string Verdicts(const RobustnessResult& result) {
   std::string text = "<h2>Verdicts</h2><table>\n";
   for (const Verdict verdict : kVerdicts) {
     text += fmt::format(
-        "<tr><td><span class={}>&#9679;</span> {}</td><td class=n>{}</td><td "
+        "<tr><td class=verdict><span class={}>&#9679;</span> {}</td><td class=n>{}</td><td "
         "class=dim>{}</td></tr>\n",
         ClassOf(verdict), verdict == Verdict::kStands ? "as asked" : ToString(verdict),
         result.Count(verdict), Meaning(verdict));
@@ -163,7 +165,7 @@ std::string InfluenceTable(const RobustnessResult& result,
       UnitOfDepartures(result.study));
   for (const Influence& i : influences) {
     text += fmt::format(
-        "<tr><td>{}</td><td class=n>{:+.2f}</td><td class=n>{:+.0f} %</td><td "
+        "<tr><td class=name>{}</td><td class=n>{:+.2f}</td><td class=n>{:+.0f} %</td><td "
         "class=dim>{}</td></tr>\n",
         Escaped(i.name), i.mean_sigma, 100 * i.excess, i.telling() ? "" : "may be chance");
   }
