@@ -46,7 +46,8 @@ const std::string& NameOf(const PlanarRobot& robot, int body) {
   return body < robot.root_dofs ? robot.links.front().name : robot.body_names[Index(body)];
 }
 
-/// Rods from a body's origin to its centre of mass and to the bodies that it carries.
+/// Rods from a body's origin to its centre of mass, to what it touches with, and to the bodies that
+/// it carries.
 std::vector<ReportShape> Rods(const PlanarRobot& robot, int body) {
   std::vector<ReportShape> rods;
   const auto add = [&rods](const Plane::Vector& end) {
@@ -54,6 +55,9 @@ std::vector<ReportShape> Rods(const PlanarRobot& robot, int body) {
     rods.push_back({{{0, 0}, {end.x(), end.y()}}, kRodRadius_m, false});
   };
   if (body != kWorld) add(robot.tree.dofs[Index(body)].mass_centre);
+  for (const ContactShape<Plane>& own : robot.shapes) {
+    if (own.body == body) add(own.shape.centre);
+  }
   for (const Dof<Plane>& dof : robot.tree.dofs) {
     if (dof.parent == body) add(dof.offset);
   }

@@ -80,10 +80,11 @@ TEST(ShownScene, ABodyThatHasOnlyAFootToTouchWithIsRodsAndTheFoot) {
       R"(<collision><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.01"/></geometry></collision>)";
   const ReportData data = ReportScene(ProblemOf(Robot(kMesh, foot), RootKind::kPlanarXz));
   const std::vector<ReportShape>& thigh = data.links[1].shapes;
-  ASSERT_EQ(thigh.size(), 3U);
-  EXPECT_FALSE(thigh[0].collides || thigh[1].collides);
-  EXPECT_TRUE(thigh[2].collides);
-  EXPECT_EQ(thigh[2].radius_m, 0.01);
+  ASSERT_EQ(thigh.size(), 4U);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_FALSE(thigh[i].collides);
+  EXPECT_THAT(thigh[1].corners_m, ElementsAre(ElementsAre(0, 0), ElementsAre(0, -0.2)));
+  EXPECT_TRUE(thigh[3].collides);
+  EXPECT_EQ(thigh[3].radius_m, 0.01);
 }
 
 TEST(ShownScene, OfAFixedRootTheBaseIsShownWhereItIs) {
