@@ -11,7 +11,8 @@
 /// what rounds or moves a sign.
 ///
 /// Errors are below one unit in the last place where nothing else is said (tests/common). What is
-/// not a number, or infinite, goes through as IEEE 754 and C have it. Nothing sets `errno`.
+/// not a number, or infinite, goes through as IEEE 754 and C have it; the sine of -0 is +0. Nothing
+/// sets `errno`.
 namespace tumbler::portable {
 
 struct SineCosine {
@@ -24,7 +25,7 @@ struct SineCosine {
 [[nodiscard]] double Sin(double angle) noexcept;
 [[nodiscard]] double Cos(double angle) noexcept;
 
-/// The angle of the vector (x, y) in [-pi, pi].
+/// The angle of the vector (x, y) in [-pi, pi], to one and a half units in the last place.
 [[nodiscard]] double Atan2(double y, double x) noexcept;
 
 [[nodiscard]] double Exp(double x) noexcept;
