@@ -8,6 +8,7 @@ install(TARGETS ${tumbler_libraries} tumbler_options EXPORT tumbler-targets
 install(EXPORT tumbler-targets NAMESPACE tumbler:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/tumbler
         COMPONENT development)
 get_property(tumbler_uses_mpi GLOBAL PROPERTY TUMBLER_USES_MPI SET)
+get_property(tumbler_uses_assimp GLOBAL PROPERTY TUMBLER_USES_ASSIMP SET)
 configure_package_config_file(cmake/tumbler-config.cmake.in ${CMAKE_BINARY_DIR}/tumbler-config.cmake
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/tumbler)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/tumbler-config-version.cmake COMPATIBILITY SameMinorVersion)
@@ -83,6 +84,9 @@ if(TUMBLER_BUILD_OFFLINE)
        libconsole-bridge-dev libcpp-httplib-dev)
   if(tumbler_uses_mpi)
     list(APPEND tumbler_dev_packages libopenmpi-dev)
+  endif()
+  if(tumbler_uses_assimp)
+    list(APPEND tumbler_dev_packages libassimp-dev)
   endif()
 endif()
 list(JOIN tumbler_dev_packages ", " CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS)

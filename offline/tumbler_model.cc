@@ -19,6 +19,7 @@
 
 #include "common/command_line.h"
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "common/printable.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
@@ -527,7 +528,8 @@ class HybridPrinter {
 
   [[noreturn]] void FailUndetermined(int j) const {
     constexpr int kRoll = 4, kYaw = 5;
-    if (robot_.root == RootKind::kFloating && j == kYaw && std::abs(std::cos(q_[kRoll])) < 1e-4) {
+    if (robot_.root == RootKind::kFloating && j == kYaw &&
+        std::abs(portable::Cos(q_[kRoll])) < 1e-4) {
       throw StateError(fmt::format(
           "roll = {:.9g} rad is too near to +-pi/2, where yaw turns about the axis of pitch and "
           "the root's coordinates are singular; expected |cos(roll)| above about 1e-6: describe "

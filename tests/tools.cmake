@@ -76,6 +76,13 @@ if(TUMBLER_CORTEX_M)
   tumbler_tool(qemu FOUND ${TUMBLER_QEMU_ARM} PACKAGES qemu-system-arm)
 endif()
 
+# Another architecture, for the bits of the elementary functions.
+find_program(TUMBLER_AARCH64_CXX aarch64-linux-gnu-g++)
+tumbler_compiles(TUMBLER_HAS_AARCH64_CXX TUMBLER_AARCH64_CXX -static)
+tumbler_tool(aarch64_compiler FOUND ${TUMBLER_HAS_AARCH64_CXX} PACKAGES g++-aarch64-linux-gnu)
+find_program(TUMBLER_QEMU_AARCH64 NAMES qemu-aarch64 qemu-aarch64-static)
+tumbler_tool(qemu_user FOUND ${TUMBLER_QEMU_AARCH64} PACKAGES qemu-user)
+
 # The reference reader of MCAP and what decodes its messages, and a linter of TOML; scripts/setup has npm install them.
 find_program(TUMBLER_NODE node)
 set(TUMBLER_NODE_MODULES ${PROJECT_SOURCE_DIR}/build/npm/node_modules)

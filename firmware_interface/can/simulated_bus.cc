@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 
 namespace {
@@ -444,7 +446,7 @@ int SimulatedBus::DisturbedBit(int bits) noexcept {
     const double draw = Random();
     if (fault.probability <= 0) continue;
     const double good =
-        fault.probability >= 1 ? 0 : std::log1p(-draw) / std::log1p(-fault.probability);
+        fault.probability >= 1 ? 0 : portable::Log1p(-draw) / portable::Log1p(-fault.probability);
     if (good >= bits) continue;
     const int bit = static_cast<int>(good) + 1;
     first = first == 0 ? bit : std::min(first, bit);

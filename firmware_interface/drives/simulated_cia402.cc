@@ -158,7 +158,11 @@ double SimulatedCia402Drive::Law(std::int64_t time_ns) noexcept {
     heartbeat_due_ns_ = time_ns + std::int64_t{heartbeat_ms_} * 1'000'000;
     Say(EncodeNodeState(config_.node.node_id, nmt_));
   }
-  const double period_s = period_value_ * std::pow(10.0, period_exponent_);
+  double period_s = period_value_;
+  for (int i = 0; i < period_exponent_; ++i) period_s *= 10;
+  double parts = 1;
+  for (int i = 0; i > period_exponent_; --i) parts *= 10;
+  period_s /= parts;
   const double share = std::min(1.0, static_cast<double>(time_ns - sync_ns_) * 1e-9 / period_s);
   target_rad_ = from_rad_ + share * (to_rad_ - from_rad_);
   CheckTimeouts();

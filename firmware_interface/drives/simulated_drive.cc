@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 
 void SimulatedDrive::Require(bool condition, const char* what) {
@@ -70,11 +72,12 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
   if (std::isfinite(motor_.thermal_time_constant_s)) {
     const double end = motor_.ambient_c + motor_.heating_k_per_nm2 * torque_nm_ * torque_nm_;
     temperature_c_ +=
-        (end - temperature_c_) * -std::expm1(-passed_s / motor_.thermal_time_constant_s);
+        (end - temperature_c_) * -portable::Expm1(-passed_s / motor_.thermal_time_constant_s);
   }
   const double wanted = Limited(Law(time_ns));
   if (motor_.torque_time_constant_s > 0) {
-    torque_nm_ += (wanted - torque_nm_) * -std::expm1(-passed_s / motor_.torque_time_constant_s);
+    torque_nm_ +=
+        (wanted - torque_nm_) * -portable::Expm1(-passed_s / motor_.torque_time_constant_s);
   } else {
     torque_nm_ = wanted;
   }

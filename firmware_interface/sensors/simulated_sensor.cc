@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 namespace {
 
@@ -19,8 +21,9 @@ Quaternion Conjugate(const Quaternion& q) { return {q[0], -q[1], -q[2], -q[3]}; 
 
 /// The rotation about axis 1, 2 or 3 (x, y, z).
 Quaternion About(std::size_t axis, double angle_rad) {
-  Quaternion q{std::cos(angle_rad / 2), 0, 0, 0};
-  q[axis] = std::sin(angle_rad / 2);
+  const auto [sine, cosine] = portable::SinCos(angle_rad / 2);
+  Quaternion q{cosine, 0, 0, 0};
+  q[axis] = sine;
   return q;
 }
 

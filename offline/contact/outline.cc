@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 
 Outline OutlineOf(const Shape<Plane>& shape) {
@@ -15,7 +17,7 @@ Outline OutlineOf(const Shape<Plane>& shape) {
   }
   Outline outline{CoreVertices(shape), shape.radius_m};
   const auto angle = [&shape](const Plane::Vector& corner) {
-    return std::atan2(corner.y() - shape.centre.y(), corner.x() - shape.centre.x());
+    return portable::Atan2(corner.y() - shape.centre.y(), corner.x() - shape.centre.x());
   };
   std::ranges::sort(outline.corners, {}, angle);
   return outline;

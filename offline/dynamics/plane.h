@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "common/portable/functions.h"
 #include "offline/dynamics/plane_vector.h"
 
 namespace tumbler {
@@ -43,14 +44,15 @@ struct Plane {
     [[nodiscard]] Vector Inverse(const Vector& r) const {
       return {c * r.x() + s * r.y(), c * r.y() - s * r.x()};
     }
-    [[nodiscard]] double angle() const { return std::atan2(s, c); }
+    [[nodiscard]] double angle() const { return portable::Atan2(s, c); }
     bool operator==(const Rotation&) const = default;
   };
   /// Axis of a revolute joint: +1 about -y, -1 about +y.
   using Axis = double;
   static Axis DefaultAxis() { return 1; }
   static Rotation RotationBy(Axis axis, double angle) {
-    return {std::cos(angle), axis * std::sin(angle)};
+    const auto [sine, cosine] = portable::SinCos(angle);
+    return {cosine, axis * sine};
   }
 
   /// The derivative of a motion that is carried along by another: a pure translation.

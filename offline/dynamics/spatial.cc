@@ -2,14 +2,15 @@
 
 #include <cmath>
 
+#include "common/portable/functions.h"
 #include "offline/dynamics/hybrid_dynamics_body.h"
 
 namespace tumbler {
 
 Spatial::Rotation Spatial::RotationBy(const Axis& axis, double angle) {
   // Rodrigues' formula
-  const double c = std::cos(angle);
-  const Vector s = std::sin(angle) * axis, v = (1 - c) * axis;
+  const auto [sine, c] = portable::SinCos(angle);
+  const Vector s = sine * axis, v = (1 - c) * axis;
   const double xy = v.x() * axis.y(), xz = v.x() * axis.z(), yz = v.y() * axis.z();
   return {{{v.x() * axis.x() + c, xy + s.z(), xz - s.y()},
            {xy - s.z(), v.y() * axis.y() + c, yz + s.x()},

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <random>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 
 /// Independent normal numbers of mean 0 and standard deviation 1. Seed and index determine them;
@@ -20,7 +22,7 @@ class Normal {
     while (true) {
       const double u = 2 * Unit() - 1, v = 2 * Unit() - 1;
       const double s = u * u + v * v;
-      if (s < 1 && s > 0) return u * std::sqrt(-2 * std::log(s) / s);
+      if (s < 1 && s > 0) return u * std::sqrt(-2 * portable::Log(s) / s);
     }
   }
 

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "common/portable/sine_cosine.h"
 #include "offline/ensemble/packet.h"
 
 namespace tumbler {
@@ -124,39 +125,15 @@ S Clamp(const S& x, const S& low, const S& high) {
   return Min(Max(x, low), high);
 }
 
-/// Sine and cosine of an angle [rad], to 2^-52 for |angle| < 1e5. The same operations in every
-/// lane; those of the mathematical library have no lanes, and differ between machines.
-///
-/// The angle less a multiple of pi/2, in three parts [CW80], lies within pi/4, where the
-/// polynomials are those of FreeBSD's msun (k_sin.c, k_cos.c).
-///
-/// [CW80] W. Cody, W. Waite, Software Manual for the Elementary Functions, 1980.
+/// Sine and cosine of an angle [rad], for |angle| < 1e5: the same operations in every lane, and the
+/// bits of portable::SinCos.
 template <class S>
 struct SineAndCosine {
   S sine, cosine;
 
   explicit SineAndCosine(const S& angle) {
+    const auto [quarters, s, c] = portable::SineAndCosineInQuarter(angle);
     const S to_integer(6755399441055744.0);  // 1.5 * 2^52: adding it rounds to an integer
-    const S quarters = (angle * S(6.36619772367581382433e-01) + to_integer) - to_integer;
-    const S r = ((angle - quarters * S(1.57079632673412561417e+00)) -
-                 quarters * S(6.07710050630396597660e-11)) -
-                quarters * S(2.02226624879595063154e-21);
-    const S z = r * r;
-    const S s = r + r * z *
-                        (S(-1.66666666666666324348e-01) +
-                         z * (S(8.33333333332248946124e-03) +
-                              z * (S(-1.98412698298579493134e-04) +
-                                   z * (S(2.75573137070700676789e-06) +
-                                        z * (S(-2.50507602534068634195e-08) +
-                                             z * S(1.58969099521155010221e-10))))));
-    const S c =
-        (S(1) - S(0.5) * z) + z * z *
-                                  (S(4.16666666666666019037e-02) +
-                                   z * (S(-1.38888888888741095749e-03) +
-                                        z * (S(2.48015872894767294178e-05) +
-                                             z * (S(-2.75573143513906633035e-07) +
-                                                  z * (S(2.08757232129817482790e-09) +
-                                                       z * S(-1.13596475577881948265e-11))))));
     // The quadrant, -2 ... 2, of which -2 and 2 are the same.
     const S turns = (quarters * S(0.25) + to_integer) - to_integer;
     const S quadrant = quarters - S(4) * turns;

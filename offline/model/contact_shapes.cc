@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
 #include "offline/model/robot.h"
@@ -104,7 +105,7 @@ Shape<Plane> OutlineBox(const RobotShape& shape, const Plane::Vector& u) {
     const auto along = [&](int axis) { return InPlane(axes.col(axis)).dot(direction); };
     if (shape.kind == RobotShape::Kind::kCylinder) {
       return std::abs(along(2)) * shape.length_m / 2 +
-             std::hypot(along(0), along(1)) * shape.radius_m;
+             portable::Length(along(0), along(1)) * shape.radius_m;
     }
     double sum = 0;
     for (int axis = 0; axis < 3; ++axis) sum += std::abs(along(axis)) * shape.size_m[axis] / 2;
@@ -138,7 +139,7 @@ double HalfWidth(const RobotShape& shape) {
       return shape.radius_m;
     case RobotShape::Kind::kCylinder:
       return std::abs(axes(1, 2)) * shape.length_m / 2 +
-             std::hypot(axes(1, 0), axes(1, 1)) * shape.radius_m;
+             portable::Length(axes(1, 0), axes(1, 1)) * shape.radius_m;
     case RobotShape::Kind::kBox:
       return SpaceVector(std::abs(axes(1, 0)), std::abs(axes(1, 1)), std::abs(axes(1, 2)))
                  .dot(shape.size_m) /

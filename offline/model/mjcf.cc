@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "common/portable/functions.h"
 #include "common/toml_reader.h"
 
 #ifdef TUMBLER_WITH_MUJOCO
@@ -117,13 +118,13 @@ class Converter {
   }
 
   static std::string Origin(const SpaceVector& xyz, const SpaceMatrix& R) {
-    const double pitch = std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0)));
+    const double pitch = portable::Atan2(-R(2, 0), portable::Length(R(0, 0), R(1, 0)));
     double roll = 0, yaw = 0;
-    if (std::hypot(R(0, 0), R(1, 0)) > 1e-9) {
-      roll = std::atan2(R(2, 1), R(2, 2));
-      yaw = std::atan2(R(1, 0), R(0, 0));
+    if (portable::Length(R(0, 0), R(1, 0)) > 1e-9) {
+      roll = portable::Atan2(R(2, 1), R(2, 2));
+      yaw = portable::Atan2(R(1, 0), R(0, 0));
     } else {
-      yaw = std::atan2(-R(0, 1), R(1, 1));
+      yaw = portable::Atan2(-R(0, 1), R(1, 1));
     }
     return fmt::format("<origin xyz=\"{}\" rpy=\"{}\"/>", Text(xyz),
                        Text(SpaceVector(roll, pitch, yaw)));

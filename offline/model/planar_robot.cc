@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "common/toml_reader.h"
 #include "offline/model/robot.h"
 
@@ -72,7 +73,7 @@ std::optional<std::string> LeavesPlane(const Dof<Spatial>& dof) {
            "lock it";
   }
   const SpaceVector& axis = dof.axis;
-  if (std::hypot(axis.x(), axis.z()) <= kPlaneTolerance) return std::nullopt;
+  if (portable::Length(axis.x(), axis.z()) <= kPlaneTolerance) return std::nullopt;
   return fmt::format(
       "its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a robot in the x-z "
       "plane: (0, 1, 0) or (0, -1, 0), or lock it",
@@ -111,6 +112,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   if (!found.empty()) throw RobotFileError(robot.file, std::move(found));
   PlanarRobot out;
   out.name = robot.name;
+  out.file = robot.file;
   out.tree.gravity = InPlane(robot.tree.gravity);
   out.root = robot.root;
   out.root_dofs = robot.root_dofs;
@@ -127,8 +129,11 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   out.ignored_shapes = std::move(contact.ignored);
   out.own_shapes = PlanarOwnShapes(robot);
   for (const RobotShape& shape : robot.visual_shapes) {
+    if (shape.kind == RobotShape::Kind::kMesh) {
+      out.drawn_meshes.push_back({shape.body, shape.mesh_file, shape.mesh_scale, shape.pose});
+    }
     const std::optional<Shape<Plane>> outline = PlanarOutline(shape);
-    if (shape.body >= 0 && outline) out.drawing.push_back({shape.body, *outline});
+    if (outline) out.drawing.push_back({shape.body, *outline});
   }
   return out;
 }
@@ -147,7 +152,7 @@ std::string LinksWithoutContact(const PlanarRobot& robot) {
 }
 
 void Tilt(PlanarRobot& robot, double slope_rad) {
-  const double c = std::cos(slope_rad), s = std::sin(slope_rad);
+  const auto [s, c] = portable::SinCos(slope_rad);
   const Plane::Vector g = robot.tree.gravity;
   robot.tree.gravity = {c * g.x() + s * g.y(), c * g.y() - s * g.x()};
 }

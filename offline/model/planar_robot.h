@@ -13,6 +13,7 @@
 #include "offline/model/contact_shapes.h"
 #include "offline/model/joint_limits.h"
 #include "offline/model/locked_joint.h"
+#include "offline/model/pose.h"
 #include "offline/model/robot_finding.h"
 #include "offline/model/root_kind.h"
 
@@ -22,8 +23,16 @@ struct Robot;
 
 /// A shape for drawing, in the plane of a body's frame.
 struct DrawnShape {
-  int body = -1;  ///< Degree of freedom that moves it.
+  int body = -1;  ///< Degree of freedom that moves it; -1 is the world.
   Shape<Plane> shape;
+};
+
+/// A mesh for drawing, of which only the file's name is known.
+struct DrawnMesh {
+  int body = -1;  ///< Degree of freedom that moves it; -1 is the world.
+  std::string file;
+  SpaceVector scale{1, 1, 1};
+  Pose pose;  ///< In the body's frame.
 };
 
 /// A link of the file in the plane, those on fixed joints included.
@@ -47,6 +56,7 @@ struct PassiveJoint {
 /// A robot reduced to the x-z plane. Degrees of freedom are those of `Robot`, in the same order.
 struct PlanarRobot {
   std::string name;
+  std::string file;                      ///< The robot's file, of which meshes are found.
   Tree<Plane> tree;                      ///< Only a bar's x and z are prescribed yet.
   RootKind root = RootKind::kFixed;      ///< Not floating.
   int root_dofs = 0;                     ///< 0 (fixed) or 3 (planar, hinge).
@@ -61,6 +71,7 @@ struct PlanarRobot {
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
   std::vector<OwnShape> own_shapes;         ///< For the robot's distance from itself.
   std::vector<DrawnShape> drawing;
+  std::vector<DrawnMesh> drawn_meshes;
   std::vector<IgnoredShape> ignored_shapes;
 
   /// Whether a bar holds the origin of the root's frame, so that of the root only the pitch is

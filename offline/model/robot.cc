@@ -14,6 +14,7 @@
 #include <mutex>
 #include <optional>
 
+#include "common/portable/functions.h"
 #include "common/toml_reader.h"
 #include "offline/linear/symmetric_eigen.h"
 #include "offline/model/urdf_source.h"
@@ -81,8 +82,8 @@ Pose ToPose(const urdf::Pose& pose) {
 /// @param axis  a unit vector in that frame.
 Pose Moved(bool revolute, const SpaceVector& axis, double position) {
   if (!revolute) return {SpaceMatrix::Identity(), position * axis};
-  const double s = std::sin(position / 2);
-  return {Pose::RotationOf(s * axis.x(), s * axis.y(), s * axis.z(), std::cos(position / 2)),
+  const double s = portable::Sin(position / 2);
+  return {Pose::RotationOf(s * axis.x(), s * axis.y(), s * axis.z(), portable::Cos(position / 2)),
           SpaceVector::Zero()};
 }
 
@@ -459,6 +460,9 @@ class Builder {
       shape.size_m = {dim.x, dim.y, dim.z};
     } else {
       shape.kind = RobotShape::Kind::kMesh;
+      const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
+      shape.mesh_file = mesh.filename;
+      shape.mesh_scale = {mesh.scale.x, mesh.scale.y, mesh.scale.z};
     }
     return shape;
   }

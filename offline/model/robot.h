@@ -46,6 +46,8 @@ struct RobotShape {
   double radius_m = 0;     ///< Sphere, cylinder.
   double length_m = 0;     ///< Cylinder, along its z.
   SpaceVector size_m = SpaceVector::Zero();  ///< Box: whole sides.
+  std::string mesh_file;                     ///< Mesh: as the robot's file names it.
+  SpaceVector mesh_scale{1, 1, 1};           ///< Mesh: along each axis of its frame.
 };
 
 /// A robot from a URDF, in space.

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "common/index.h"
 #include "offline/contact/outline.h"
 #include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/motion_report/mesh_outline.h"
 
 namespace tumbler {
 namespace {
@@ -24,32 +26,38 @@ double BarRadius(const PlanarRobot& robot) {
   return 1.4 * radius_m;
 }
 
-/// The bodies that have something to show. Each is drawn as a link. Where none has, all are drawn,
-/// as rods.
-std::vector<int> DrawnBodies(const Problem& problem) {
-  const PlanarRobot& robot = problem.scene.robot;
+/// The world, as the body that shapes of a fixed root are on.
+constexpr int kWorld = -1;
+
+/// The bodies in the order of the page's links: the root's, which is the world where the root is
+/// fixed, and then those that the joints move.
+std::vector<int> DrawnBodies(const PlanarRobot& robot) {
   std::vector<int> bodies;
-  for (int j = 0; j < static_cast<int>(robot.tree.dofs.size()); ++j) {
-    const auto of_body = [j](const auto& shape) { return shape.body == j; };
-    if (std::any_of(robot.drawing.begin(), robot.drawing.end(), of_body) ||
-        std::any_of(robot.shapes.begin(), robot.shapes.end(), of_body)) {
-      bodies.push_back(j);
-    }
-  }
-  if (!bodies.empty()) return bodies;
-  for (int j = robot.first_body(); j < static_cast<int>(robot.tree.dofs.size()); ++j)
+  for (int j = robot.root_dofs - 1; j < static_cast<int>(robot.tree.dofs.size()); ++j)
     bodies.push_back(j);
   return bodies;
 }
 
-/// Rods from a link's origin to its centre of mass and to the links that it carries.
+/// The place of a joint's body among them.
+int LinkOfDof(const PlanarRobot& robot, int dof) { return dof - (robot.root_dofs - 1); }
+
+/// The root's link has the name of the file's root, whatever else is on its body.
+const std::string& NameOf(const PlanarRobot& robot, int body) {
+  return body < robot.root_dofs ? robot.links.front().name : robot.body_names[Index(body)];
+}
+
+/// Rods from a body's origin to its centre of mass, to what it touches with, and to the bodies that
+/// it carries.
 std::vector<ReportShape> Rods(const PlanarRobot& robot, int body) {
   std::vector<ReportShape> rods;
   const auto add = [&rods](const Plane::Vector& end) {
     if (end.norm() < kRodRadius_m) return;
     rods.push_back({{{0, 0}, {end.x(), end.y()}}, kRodRadius_m, false});
   };
-  add(robot.tree.dofs[Index(body)].mass_centre);
+  if (body != kWorld) add(robot.tree.dofs[Index(body)].mass_centre);
+  for (const ContactShape<Plane>& own : robot.shapes) {
+    if (own.body == body) add(own.shape.centre);
+  }
   for (const Dof<Plane>& dof : robot.tree.dofs) {
     if (dof.parent == body) add(dof.offset);
   }
@@ -72,31 +80,36 @@ ReportShape ShownShape(const Shape<Plane>& shape, bool collides) {
 
 ReportData ReportScene(const Problem& problem) {
   ReportData data;
-  std::vector<int> link_of_body(problem.scene.robot.tree.dofs.size(), -1);
-  for (const int body : DrawnBodies(problem)) {
+  const PlanarRobot& robot = problem.scene.robot;
+  for (const int body : DrawnBodies(robot)) {
     ReportLink link;
-    link.name = problem.scene.robot.body_names[static_cast<std::size_t>(body)];
-    for (const DrawnShape& drawn : problem.scene.robot.drawing) {
+    link.name = NameOf(robot, body);
+    for (const DrawnShape& drawn : robot.drawing) {
       if (drawn.body == body) link.shapes.push_back(ShownShape(drawn.shape, false));
     }
-    for (const ContactShape<Plane>& own : problem.scene.robot.shapes) {
+    for (const DrawnMesh& mesh : robot.drawn_meshes) {
+      if (mesh.body != body) continue;
+      const Outline outline = MeshOutline(mesh, robot.file);
+      if (outline.corners.empty()) continue;
+      link.shapes.push_back({CornersOf(outline), outline.radius_m, false});
+    }
+    // Shapes for contact alone may be no more than a foot.
+    if (link.shapes.empty()) link.shapes = Rods(robot, body);
+    for (const ContactShape<Plane>& own : robot.shapes) {
       if (own.body == body) link.shapes.push_back(ShownShape(own.shape, true));
     }
-    if (link.shapes.empty()) link.shapes = Rods(problem.scene.robot, body);
-    link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
     data.links.push_back(std::move(link));
   }
   for (const ActuatedJoint& joint : problem.joints) {
-    data.joint_names.push_back(
-        problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
-    data.joint_links.push_back(std::max(0, link_of_body[static_cast<std::size_t>(joint.dof)]));
+    data.joint_names.push_back(robot.tree.dofs[Index(joint.dof)].name);
+    data.joint_links.push_back(LinkOfDof(robot, joint.dof));
     data.torque_limits_nm.push_back(joint.limits.torque_max_nm);
     data.position_limits_rad.push_back(
         {joint.limits.position_min_rad, joint.limits.position_max_rad});
   }
-  if (problem.scene.robot.hinged()) {
+  if (robot.hinged()) {
     const Plane::Vector& bar = problem.scene.bar;
-    data.obstacles.push_back({"bar", {{bar.x(), bar.y()}}, BarRadius(problem.scene.robot)});
+    data.obstacles.push_back({"bar", {{bar.x(), bar.y()}}, BarRadius(robot)});
   }
   for (const Obstacle<Plane>& obstacle : problem.scene.obstacles) {
     const Outline outline = OutlineOf(obstacle.shape);
@@ -115,7 +128,11 @@ ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
   shown.time_s = sample.time_s;
   shown.root_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
   const Plane::Vector origin = sample.dynamics->origin();
-  for (const int body : DrawnBodies(problem)) {
+  for (const int body : DrawnBodies(problem.scene.robot)) {
+    if (body == kWorld) {
+      shown.link_poses.push_back({0, 0, 0});
+      continue;
+    }
     // The angles down the tree add up to a pitch that keeps whole turns.
     double pitch = 0;
     for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 
 namespace tumbler {
 namespace {
@@ -58,7 +59,8 @@ LinkPoint::Places LinkPoint::At(std::span<const double> q, std::span<const doubl
     go_to(joint.offset_m);
     if (joint.revolute) {
       place = {origin, velocity};
-      const double cos = std::cos(position), sin = joint.sense * std::sin(position);
+      const auto [sine, cos] = portable::SinCos(position);
+      const double sin = joint.sense * sine;
       const double turned_c = c * cos - s * sin;
       s = s * cos + c * sin;
       c = turned_c;

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "common/file_keys.h"
+#include "common/portable/functions.h"
 #include "common/printable.h"
 #include "offline/contact/contact_intent.h"
 #include "offline/model/robot.h"
@@ -690,7 +691,8 @@ class TaskReader {
   void CheckGivenBar(TomlTable& start) {
     if (!scene_.robot.hinged()) return;
     const PrimitivePose& pose = *given_->pose;
-    const double apart = std::hypot(pose.root_x_m - scene_.bar.x(), pose.root_z_m - scene_.bar.y());
+    const double apart =
+        portable::Length(pose.root_x_m - scene_.bar.x(), pose.root_z_m - scene_.bar.y());
     if (apart <= 1e-9) return;
     start.Fail(
         "", fmt::format("has the bar at x {} m, z {} m, but {} has it at x {} m, z {} m; "

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 
 void RefuseField(const std::string& field, const std::string& problem) {
@@ -26,7 +28,7 @@ void CheckSize(std::size_t size, std::size_t expected, const std::string& field,
 void CheckUnit(double x, double z, const std::string& field) {
   CheckFinite(x, field + ".normal_x");
   CheckFinite(z, field + ".normal_z");
-  const double length = std::hypot(x, z);
+  const double length = portable::Length(x, z);
   if (std::abs(length - 1) > 1e-6) {
     RefuseField(field + ".normal", fmt::format("has length {}, must have length 1", length));
   }

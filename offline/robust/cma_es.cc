@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "offline/linear/dense_eigen.h"
 
 namespace tumbler {
@@ -23,7 +24,7 @@ CmaEs::CmaEs(const std::vector<double>& start, double sigma, int population, std
       covariance_(Eigen::MatrixXd::Identity(n_, n_)),
       axes_(Eigen::MatrixXd::Identity(n_, n_)) {
   for (int i = 0; i < parents_; ++i)
-    weights_[i] = std::log((population + 1) / 2.0) - std::log(i + 1.0);
+    weights_[i] = portable::Log((population + 1) / 2.0) - portable::Log(i + 1.0);
   weights_ /= weights_.sum();
   const double n = n_;
   mu_eff_ = 1 / weights_.squaredNorm();
@@ -62,7 +63,7 @@ void CmaEs::Tell(const std::vector<double>& values) {
   const Eigen::VectorXd whitened =
       axes_ * scales_.cwiseInverse().cwiseProduct(axes_.transpose() * step);
   path_s_ = (1 - c_s_) * path_s_ + std::sqrt(c_s_ * (2 - c_s_) * mu_eff_) * whitened;
-  const double usual = std::sqrt(1 - std::pow(1 - c_s_, 2 * generation_)) * expected_norm_;
+  const double usual = std::sqrt(1 - portable::Power(1 - c_s_, 2 * generation_)) * expected_norm_;
   const bool steady = path_s_.norm() < (1.4 + 2.0 / (n_ + 1)) * usual;
   path_c_ *= 1 - c_c_;
   if (steady) path_c_ += std::sqrt(c_c_ * (2 - c_c_) * mu_eff_) * step;
@@ -73,7 +74,7 @@ void CmaEs::Tell(const std::vector<double>& values) {
     const Eigen::VectorXd y = (candidates_[order[Index(i)]] - before) / sigma_;
     covariance_ += c_mu_ * weights_[i] * y * y.transpose();
   }
-  sigma_ *= std::exp(c_s_ / damping_ * (path_s_.norm() / expected_norm_ - 1));
+  sigma_ *= portable::Exp(c_s_ / damping_ * (path_s_.norm() / expected_norm_ - 1));
   const DenseEigen eigen = DecomposeSymmetric(covariance_);
   axes_ = eigen.vectors;
   scales_ = eigen.values.cwiseMax(1e-20).cwiseSqrt();

@@ -6,6 +6,7 @@
 
 #include "common/index.h"
 #include "common/parallel_for.h"
+#include "common/portable/functions.h"
 #include "offline/ensemble/normal.h"
 #include "offline/robust/cma_es.h"
 
@@ -45,7 +46,7 @@ Feedback<double> FeedbackOf(const HoldStudy& study, const std::vector<double>& x
     law.joints[j].rate_gain[last] = std::clamp(kHoldRateGain * x[study.joints + j], -5.0, 5.0);
   }
   if (x.size() > 2 * study.joints) {
-    const auto size = [&x](std::size_t i) { return kZone_rad * std::exp(kZoneChange * x[i]); };
+    const auto size = [&x](std::size_t i) { return kZone_rad * portable::Exp(kZoneChange * x[i]); };
     law.error_min_rad = std::min(size(2 * study.joints), 0.5 * law.error_max_rad);
     law.error_full_rad =
         std::min(law.error_min_rad + size(2 * study.joints + 1), law.error_max_rad);
@@ -220,7 +221,7 @@ class HoldSearch {
     std::vector<std::vector<double>> all;
     for (int i = 0; i < size_.samples; ++i) {
       Normal normal(seed_, static_cast<std::uint64_t>(i));
-      const double size = kLargestHoldGain * std::pow(kHoldGainRange, -normal.DrawUniform());
+      const double size = kLargestHoldGain * portable::Power(kHoldGainRange, -normal.DrawUniform());
       std::vector<double>& x = all.emplace_back(2 * study_.joints);
       for (double& gain : x) gain = size * normal.Draw();
     }

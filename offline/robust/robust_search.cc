@@ -11,6 +11,7 @@
 
 #include "common/index.h"
 #include "common/parallel_for.h"
+#include "common/portable/functions.h"
 #include "offline/ensemble/lane_kernel.h"
 #include "offline/linear/least_squares.h"
 #include "offline/problem/feed_forward_knots.h"
@@ -153,7 +154,8 @@ class RobustSearch {
   }
   [[nodiscard]] double DurationOf(const std::vector<double>& x) const {
     if (!free_duration()) return problem_.duration_s;
-    const double stretched_s = problem_.duration_s * std::exp(kStretch * x[Index(parameters_)]);
+    const double stretched_s =
+        problem_.duration_s * portable::Exp(kStretch * x[Index(parameters_)]);
     return kTick_s * std::round(stretched_s / kTick_s);
   }
 
@@ -642,7 +644,8 @@ class RobustSearch {
   [[nodiscard]] double LossOf(double settled, double off, double speed) const {
     const double t = 0.96 * tolerance_rad_, w = 1.2 * CostTerm::kRateTolerance;
     if (off < t && settled < t && speed < w) {
-      return 0.1 * std::pow(settled / tolerance_rad_, 2) + 0.1 * std::pow(speed / w, 2);
+      const double still = settled / tolerance_rad_, slow = speed / w;
+      return 0.1 * (still * still) + 0.1 * (slow * slow);
     }
     if (off < 1.7 * tolerance_rad_ && speed < 1)
       return 0.35 + 0.15 * std::min(1.0, settled / (2 * tolerance_rad_)) + 0.15 * speed;

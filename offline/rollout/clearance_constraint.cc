@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "offline/problem/end_points.h"
 #include "offline/rollout/rollout.h"
 #include "offline/scene/self_clearance.h"
@@ -90,20 +91,20 @@ struct ClearanceConstraint::Implementation {
             (problem.scene.self_contact.clearance_m - near.distance_m) / kClearanceScale_m;
         if (sum == 0) largest = value;
         if (value > largest) {
-          const double shrink = std::exp(rho * (largest - value));
+          const double shrink = portable::Exp(rho * (largest - value));
           sum *= shrink;
           for (double& slope : gradient) slope *= shrink;
           for (double& slope : slopes) slope *= shrink;
           largest = value;
         }
-        const double weight = time * std::exp(rho * (value - largest));
+        const double weight = time * portable::Exp(rho * (value - largest));
         sum += weight;
         for (std::size_t j = 0; j < slopes.size(); ++j)
           slopes[j] -= weight * near.slopes[Index(problem.joints[j].dof)] / kClearanceScale_m;
       }
       if (!gradient.empty()) AddToParameters(k, gradient);
     }
-    const double excess = sum > 0 ? largest + std::log(sum) / rho : -1;
+    const double excess = sum > 0 ? largest + portable::Log(sum) / rho : -1;
     if (excess <= -1) {
       std::fill(gradient.begin(), gradient.end(), 0.0);
       return -1;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "offline/problem/end_points.h"
 #include "offline/problem/free_start.h"
 #include "offline/rollout/clearance_constraint.h"
@@ -658,7 +659,7 @@ struct Rollout::Implementation {
     if (maximum.sum() == 0) added.clear();  // All slopes are 0.
     for (const AddedStep& step : added) {
       const double since =
-          std::exp(problem.solver.sharpness * (step.largest_so_far - maximum.largest()));
+          portable::Exp(problem.solver.sharpness * (step.largest_so_far - maximum.largest()));
       for (std::size_t s = 0; s < Index(table.stages); ++s)
         step.slope[s * step.stride] *= since / maximum.sum();
     }

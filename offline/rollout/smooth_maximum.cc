@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 namespace {
 
@@ -116,7 +118,7 @@ double SmoothMaximum::Add(const StepPoints& points, double step_s, std::span<con
   largest_ = std::max(largest_, LargestOf(first, of_size));
   for (const StepPoints::Group& group : groups.subspan(1))
     largest_ = std::max(largest_, LargestOf(ValuesAt(group, values), of_size));
-  const double shrink = largest_ == before ? 1 : std::exp(rho_ * (before - largest_));
+  const double shrink = largest_ == before ? 1 : portable::Exp(rho_ * (before - largest_));
   sum_ *= shrink;
   const double share = step_s / kPeakDuration_s;
   for (std::size_t g = 0; g < groups.size(); ++g) {
@@ -134,17 +136,18 @@ template <SmoothMaximum::Of kOf>
 void SmoothMaximum::AddGroup(const StepPoints::Group& group, const AtPoints& at_point, double share,
                              std::span<double> slopes) {
   const double rho = rho_, top = rho * largest_, least = LeastExponent();
-  const double unit = kOf == Of::kAboveZero ? std::exp(-top) : 0;
+  const double unit = kOf == Of::kAboveZero ? portable::Exp(-top) : 0;
   double sum = sum_;
   AtPoints by_value{};
   for (std::size_t i = 0; i < at_point.size(); ++i) {
     const double value = at_point[i];
     const double exponent = rho * (kOf == Of::kSize ? std::abs(value) : std::max(0.0, value));
     if (exponent < least) continue;
-    const double power = std::exp(exponent - top), part = share * group.part[i];
+    const double power = portable::Exp(exponent - top), part = share * group.part[i];
     double term = power;
     // The difference of two numbers near one would be rounding.
-    if (kOf == Of::kAboveZero) term = exponent < 1 ? std::expm1(exponent) * unit : power - unit;
+    if (kOf == Of::kAboveZero)
+      term = exponent < 1 ? portable::Expm1(exponent) * unit : power - unit;
     sum += part * term;
     if (kOf == Of::kAboveZero && value <= 0) continue;
     by_value[i] = part * power;
@@ -159,7 +162,7 @@ void SmoothMaximum::AddGroup(const StepPoints::Group& group, const AtPoints& at_
   }
 }
 
-double SmoothMaximum::value() const { return largest_ + std::log(sum_) / rho_; }
+double SmoothMaximum::value() const { return largest_ + portable::Log(sum_) / rho_; }
 
 double SmoothDepth::Evaluate(std::span<const ActiveContact<Plane>> active) {
   slopes_.clear();
@@ -176,13 +179,13 @@ double SmoothDepth::Evaluate(std::span<const ActiveContact<Plane>> active) {
   for (std::size_t i = 0; i < active.size(); ++i) {
     const double exponent = exponent_of(active[i]);
     if (exponent < kNegligibleExponent) continue;
-    slopes_[i] = exponent == largest ? 1 : std::exp(exponent - largest);
+    slopes_[i] = exponent == largest ? 1 : portable::Exp(exponent - largest);
     others += slopes_[i];
   }
-  const double one = std::exp(-largest);
+  const double one = portable::Exp(-largest);
   for (double& slope : slopes_) slope /= (one + others) * usable_m_;
-  if (largest == 0) return std::log1p(others) / rho_;
-  return (largest + std::log(one + others)) / rho_;
+  if (largest == 0) return portable::Log1p(others) / rho_;
+  return (largest + portable::Log(one + others)) / rho_;
 }
 
 }  // namespace tumbler

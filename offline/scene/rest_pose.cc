@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -83,7 +84,7 @@ double TurnFromHanging(const Scene& scene, std::span<const double> q) {
   constexpr double kOnTheBar_kg_m = 1e-9;
   if (moment.norm() < kOnTheBar_kg_m) return 0;
   constexpr double kPi = std::numbers::pi;
-  return std::remainder(std::atan2(moment.y(), moment.x()) + kPi / 2, 2 * kPi);
+  return std::remainder(portable::Atan2(moment.y(), moment.x()) + kPi / 2, 2 * kPi);
 }
 
 double RestingPitch(const Scene& scene, std::span<const double> q) {

@@ -119,7 +119,10 @@ double RelativeSize(const Eigen::VectorXd& left, const std::vector<Active>& acti
 
 double LinearRow::Excess(std::span<const double> x) const {
   const double value = b + std::inner_product(a.begin(), a.end(), x.begin(), 0.0);
-  return of_free_duration ? value / std::pow(x.back(), derivative) - 1 : value;
+  if (!of_free_duration) return value;
+  double power = 1;
+  for (int i = 0; i < derivative; ++i) power *= x.back();
+  return value / power - 1;
 }
 
 LinearRow LinearRow::LinearAt(std::span<const double> x) const {

@@ -175,7 +175,8 @@ class InteriorPoint {
     const double after =
         (slack_ + affine * ds).dot(lambda_ + affine * dl) / static_cast<double>(h_.size());
     // Where the residuals are large, the affine step may widen the gap, which no centring mends.
-    const double centred = std::pow(std::min(1.0, after / gap), 3) * gap;
+    const double share = std::min(1.0, after / gap);
+    const double centred = share * share * share * gap;
     // Products far below the tolerance would leave nothing but rounding in the residuals.
     const double aim = std::max(centred, 0.1 * kTolerance);
     // After a short affine step its products say little of the next one.

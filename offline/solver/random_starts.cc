@@ -5,6 +5,8 @@
 #include <functional>
 #include <numeric>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 namespace {
 
@@ -61,7 +63,7 @@ std::vector<double> RandomPath(const Problem& problem, const std::vector<double>
     for (int i = 0; i < free; ++i, ++at) {
       const double s = (i + 1.0) / (free + 1.0);
       for (std::size_t m = 0; m < amplitude.size(); ++m) {
-        path[at] += amplitude[m] * std::sin(M_PI * static_cast<double>(m + 1) * s);
+        path[at] += amplitude[m] * portable::Sin(M_PI * static_cast<double>(m + 1) * s);
       }
       path[at] = std::clamp(path[at], joint.limits.position_min_rad, joint.limits.position_max_rad);
     }

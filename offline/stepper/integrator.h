@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "common/portable/functions.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/tableau.h"
 
@@ -148,7 +149,8 @@ class Integrator {
         const double t_end = last ? finish : t + h;
         TakeStep(slope, t, h, t_end);
         const double error = StepError(h);
-        const double factor = std::clamp(0.9 * std::pow(error, -1 / tableau_.order), 0.2, 5.0);
+        const double factor =
+            std::clamp(0.9 * portable::Power(error, -1 / tableau_.order), 0.2, 5.0);
         const bool shortest = h <= settings_.shortest_step_s;
         if (error <= 1 || shortest) {
           if (error > 1) ++statistics_.forced;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "common/portable/functions.h"
 #include "common/program.h"
 
 namespace tumbler {
@@ -47,9 +48,12 @@ std::vector<double> ChainOf(const std::string& link, const SequenceFile& motion)
 SensorSettings SensorSettingsOf(const SensorEntry& entry, const SequenceFile& motion,
                                 double rate_hz) {
   SensorSettings settings;
-  const double cr = std::cos(entry.mount_rpy_rad[0]), sr = std::sin(entry.mount_rpy_rad[0]);
-  const double cp = std::cos(entry.mount_rpy_rad[1]), sp = std::sin(entry.mount_rpy_rad[1]);
-  const double cy = std::cos(entry.mount_rpy_rad[2]), sy = std::sin(entry.mount_rpy_rad[2]);
+  const double cr = portable::Cos(entry.mount_rpy_rad[0]),
+               sr = portable::Sin(entry.mount_rpy_rad[0]);
+  const double cp = portable::Cos(entry.mount_rpy_rad[1]),
+               sp = portable::Sin(entry.mount_rpy_rad[1]);
+  const double cy = portable::Cos(entry.mount_rpy_rad[2]),
+               sy = portable::Sin(entry.mount_rpy_rad[2]);
   // Rz(yaw) Ry(pitch) Rx(roll) turns vectors of the sensor into those of the link; its rows are the
   // link's axes in the sensor.
   const std::array<std::array<double, 3>, 3> rows{
@@ -72,7 +76,7 @@ SensorSettings SensorSettingsOf(const SensorEntry& entry, const SequenceFile& mo
       entry.frozen_after_s > 0
           ? std::max(1U, static_cast<std::uint32_t>(entry.frozen_after_s * entry.rate_hz))
           : 0;
-  settings.tilt_sine_max = static_cast<float>(std::sin(entry.tilt_max_rad));
+  settings.tilt_sine_max = static_cast<float>(portable::Sin(entry.tilt_max_rad));
   settings.rate_max_rad_s = static_cast<float>(entry.rate_max_rad_s);
   settings.jump_max_rad = static_cast<float>(entry.jump_max_rad);
   settings.late_max_s = static_cast<float>(entry.late_max_s);

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 namespace {
 
@@ -196,8 +198,8 @@ void AppendTime(ProtoWriter& out, int number, std::uint64_t time_ns) {
 }
 
 std::array<double, 4> QuaternionAbout(const std::array<double, 3>& axis, double angle_rad) {
-  const double s = std::sin(angle_rad / 2);
-  return {axis[0] * s, axis[1] * s, axis[2] * s, std::cos(angle_rad / 2)};
+  const auto [s, c] = portable::SinCos(angle_rad / 2);
+  return {axis[0] * s, axis[1] * s, axis[2] * s, c};
 }
 
 std::string EncodeTransforms(std::uint64_t time_ns, const std::vector<FrameTransform>& transforms) {

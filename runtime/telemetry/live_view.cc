@@ -38,6 +38,13 @@ const char* SensorStatusName(const state_t& state) {
   return index < kSensorStatusCount ? ToString(static_cast<SensorStatus>(index)) : "?";
 }
 
+/// Whether anything that the joint's drive said is known. Before, its fields are 0 and mean
+/// nothing.
+bool HasReplied(const joint_state_t& joint) { return joint.reply_age_ticks >= 0; }
+
+/// Likewise of the sensor.
+bool HasReported(const state_t& state) { return state.sensor_age_ticks >= 0; }
+
 FaultDetail FirstFault(const state_t& state) {
   FaultDetail fault;
   fault.fault = static_cast<Fault>(state.fault);
@@ -102,6 +109,7 @@ std::string LiveView::FaultText() const {
 }
 
 std::string LiveView::SensorText() const {
+  if (!HasReported(*state_)) return SensorStatusName(*state_);
   return fmt::format("{}, {:.4f} rad, {:.3f} rad/s, feedback {:.0f} %", SensorStatusName(*state_),
                      state_->sensor_pitch_rad, state_->sensor_rate_rad_s,
                      100 * static_cast<double>(state_->feedback_share));
@@ -115,6 +123,10 @@ std::string LiveView::Line() const {
                                  state_->primitive_time_s, state_->cycles);
   for (std::size_t i = 0; i < state_->joints.size(); ++i) {
     const joint_state_t& joint = state_->joints[i];
+    if (!HasReplied(joint)) {
+      text += fmt::format("; {} has not replied yet", JointName(i));
+      continue;
+    }
     text += fmt::format("; {} {:.4f} rad, {}, {}", JointName(i), joint.measured_position_rad,
                         std::isnan(joint.measured_torque_nm)
                             ? "torque not measured"
@@ -133,6 +145,11 @@ std::string LiveView::JointTable(bool narrow) const {
                        "drive");
     for (std::size_t i = 0; i < s.joints.size(); ++i) {
       const joint_state_t& j = s.joints[i];
+      if (!HasReplied(j)) {
+        text += fmt::format("{:10.10} {:>8} {:>9} {:>7} {:>9}\n", JointName(i), "-", "-", "-",
+                            DriveStateName(j.drive_state));
+        continue;
+      }
       text += fmt::format(
           "{:10.10} {:7.1f}\u00b0 {:8.2f}\u00b0 {:>7} {:>9}\n", JointName(i),
           kDegrees * static_cast<double>(j.measured_position_rad),
@@ -146,6 +163,12 @@ std::string LiveView::JointTable(bool narrow) const {
                       "setpoint", "measured", "error", "rad/s", "N m", "deg C", "age", "drive");
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
     const joint_state_t& j = s.joints[i];
+    if (!HasReplied(j)) {
+      text += fmt::format("{:12.12} {:8.2f}\u00b0  {:>8}   {:>7}   {:>9} {:>8} {:>7} {:>6} {:>9}\n",
+                          JointName(i), kDegrees * static_cast<double>(j.limited_position_rad), "-",
+                          "-", "-", "-", "-", "never", DriveStateName(j.drive_state));
+      continue;
+    }
     text += fmt::format(
         "{:12.12} {:8.2f}\u00b0  {:8.2f}\u00b0  {:7.2f}\u00b0  {:9.3f} {:>8} {:7.1f} {:>6} "
         "{:>9}{}\n",
@@ -234,11 +257,15 @@ Json LiveView::Value() const {
   if (s.sensor_status != 0) {
     json["sensor"] = {{"status", SensorStatusName(s)},
                       {"age_ticks", s.sensor_age_ticks},
-                      {"pitch_rad", s.sensor_pitch_rad},
-                      {"rate_rad_s", s.sensor_rate_rad_s},
+                      {"pitch_rad", nullptr},
+                      {"rate_rad_s", nullptr},
                       {"feedback_error_rad", s.feedback_error_rad},
                       {"feedback_rate_error_rad_s", s.feedback_rate_error_rad_s},
                       {"feedback_share", s.feedback_share}};
+    if (HasReported(s)) {
+      json["sensor"]["pitch_rad"] = s.sensor_pitch_rad;
+      json["sensor"]["rate_rad_s"] = s.sensor_rate_rad_s;
+    }
   }
   json["joints"] = Json::Array();
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
@@ -248,7 +275,10 @@ Json LiveView::Value() const {
       if constexpr (std::is_same_v<JointFieldType<decltype(in_record)>, DriveState>) {
         joint[field.status] = DriveStateName(in_message(s.joints[i]));
       } else {
-        joint[field.status] = in_message(s.joints[i]);
+        const bool known = field.origin != JointField::Origin::kDrive ||
+                           !std::is_floating_point_v<JointFieldType<decltype(in_record)>> ||
+                           HasReplied(s.joints[i]);
+        joint[field.status] = known ? Json(in_message(s.joints[i])) : Json(nullptr);
       }
     });
     json["joints"].Append(joint);

@@ -100,6 +100,47 @@ TEST(OptimizeCli, AdvisesStifferDrivesWhereOnlyDrivesThatGiveWayLetTheRobotFall)
   EXPECT_THAT(program.text(), Not(HasSubstr("another --seed")));
 }
 
+/// Runs a program as on a processor without wide vectors and fused multiplications: the C library
+/// chooses among its functions as if they were not there.
+Program OnAPlainProcessor(std::vector<std::string> command) {
+  command.insert(command.begin(),
+                 {"/usr/bin/env", "GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX"});
+  return Program(command);
+}
+
+TEST(OptimizeCli, TheSameSeedIsTheSameFileAndRunOnAProcessorWithoutAvx2AndFma) {
+  const testing::TemporaryFolder folder;
+  const auto optimize = [&folder](const std::string& out) {
+    return std::vector<std::string>{testing::ProgramPath("tumbler-optimize"),
+                                    testing::SourcePath("primitives/tasks/nominal/handstand.toml"),
+                                    "--quiet", "--out", folder / out};
+  };
+  Program here(optimize("here.toml"));
+  ASSERT_EQ(here.Wait(), 0) << here.text();
+  Program plain = OnAPlainProcessor(optimize("plain.toml"));
+  ASSERT_EQ(plain.Wait(), 0) << plain.text();
+  EXPECT_EQ(ReadFile(folder / "here.toml"), ReadFile(folder / "plain.toml"));
+
+  const auto play = [&folder](const std::string& out) {
+    return std::vector<std::string>{testing::ProgramPath("tumbler-run"),
+                                    "sim",
+                                    folder / "here.toml",
+                                    "--trace",
+                                    folder / (out + ".csv"),
+                                    "--truth",
+                                    folder / (out + ".log")};
+  };
+  Program run_here(play("here"));
+  ASSERT_EQ(run_here.Wait(), 0) << run_here.text();
+  Program run_plain = OnAPlainProcessor(play("plain"));
+  ASSERT_EQ(run_plain.Wait(), 0) << run_plain.text();
+  for (const std::string end : {".csv", ".log"}) {
+    const std::string of_here = ReadFile(folder / ("here" + end));
+    EXPECT_GT(of_here.size(), 10'000U);
+    EXPECT_TRUE(of_here == ReadFile(folder / ("plain" + end))) << end;
+  }
+}
+
 TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
   const TaskFolder folder(QuickTask());
   Program program = Optimize(folder, {"--out", folder / "motion.toml", "--report", folder / "a/b",

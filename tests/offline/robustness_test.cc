@@ -847,7 +847,7 @@ TEST(RobustnessPage, ShowsShareMapAndEveryRobotAndTakesNamesAsText) {
     return found;
   };
   EXPECT_EQ(count("<circle"), 60);
-  EXPECT_EQ(count("opacity=\"0.7\""), result.Count(Verdict::kFell)) << "a stroke for each fall";
+  EXPECT_EQ(count("<line class=fell"), result.Count(Verdict::kFell)) << "a stroke for each fall";
   EXPECT_EQ(count("<rect"), SuccessMap::kCells * SuccessMap::kCells);
   EXPECT_EQ(count("<b>"), 0);
   EXPECT_GT(count("&lt;b&gt;&amp;"), 0);

@@ -130,6 +130,31 @@ TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
   EXPECT_EQ(view.Screen().find("nan"), std::string::npos) << view.Screen();
 }
 
+TEST(JointFields, WhatNoReplyHasToldIsNotShownAsZero) {
+  FilledTick tick;
+  JointRecord& joint = tick.timed.record.joints[0];
+  joint.measured = {};
+  joint.temperature_c = 0;
+  joint.reply_age_ticks = -1;
+  tick.timed.record.sensor = {};
+  tick.timed.record.sensor.status = SensorStatus::kNoData;
+  FillState(tick.timed, tick.message);
+  LiveView view;
+  view.Take(tick.message);
+  const Json status = Json::Parse(view.ToJson()).value();
+  for (const char* key : {"measured_rad", "measured_rad_s", "measured_nm", "temperature_c"})
+    EXPECT_TRUE(status["joints"][0][key].is_null()) << key;
+  EXPECT_EQ(status["joints"][0]["setpoint_rad"], 5) << "asked for, whether it is answered or not";
+  EXPECT_EQ(status["joints"][0]["reply_age_ticks"], -1);
+  EXPECT_TRUE(status["sensor"]["pitch_rad"].is_null());
+  EXPECT_TRUE(status["sensor"]["rate_rad_s"].is_null());
+  EXPECT_NE(view.Line().find("joint 0 has not replied yet; sensor no data"), std::string::npos)
+      << view.Line();
+  for (const int columns : {60, 120})
+    EXPECT_EQ(view.Screen(columns).find("0.00"), view.Screen(columns).find("0.000 s"))
+        << view.Screen(columns);
+}
+
 TEST(SensorFields, TheStatusNamesTheSensorWhereThereIsOne) {
   FilledTick tick;
   tick.timed.record.sensor.status = SensorStatus::kStale;

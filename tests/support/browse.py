@@ -2,7 +2,8 @@
 
 Each line of the named pipe REQUESTS is a page's path, a fragment, a width in pixels and the path of the file for the
 document as the page's scripts left it, with tabs between them. `done` and the number of the request, or why there is
-none, is written for each; an empty line ends the browser."""
+none, is written for each; an empty line ends the browser. With theme=dark in the fragment the browser says that it
+prefers dark pages, for those that have no script to read the fragment."""
 
 import os
 import sys
@@ -22,6 +23,8 @@ def start(tries=3):
 
 def show(browser, count, page, fragment, width, out):
     browser.resize(int(width), 900)
+    theme = "dark" if "theme=dark" in fragment.split("&") else "light"
+    browser.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
     # With the number no two addresses differ in the fragment alone, which would load nothing.
     browser.go(f"file://{urllib.parse.quote(page)}?{count}" + ("#" + fragment if fragment else ""))
     browser.value("window.probed")

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/portable/functions.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/telemetry/sentences.h"
 
@@ -94,7 +95,7 @@ void RunEvents::TakeTruth(double t, const truth_t& truth) {
     Add(t, RunEvent::Kind::kTruth, fmt::format("the robot rests {}", truth.resting_as));
   }
   if (truth.fallen != 0 && !fallen_) Add(t, RunEvent::Kind::kTruth, "the robot has fallen");
-  const bool pushes = std::hypot(truth.push_x_n, truth.push_z_n) > kPush_n;
+  const bool pushes = portable::Length(truth.push_x_n, truth.push_z_n) > kPush_n;
   if (pushes && !pushed_) {
     Add(t, RunEvent::Kind::kTruth,
         fmt::format("the robot is pushed: {:.3g} N along x, {:.3g} N along z", truth.push_x_n,

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/portable/functions.h"
 #include "common/sequence_toml.h"
 #include "offline/model/robot.h"
 #include "offline/motion_report/shown_scene.h"
@@ -72,7 +73,7 @@ std::vector<std::array<double, 2>> RoundedOutline(const ReportObstacle& obstacle
   // The outermost corner in each direction carries the arc of that direction.
   for (int i = 0; i < kSteps; ++i) {
     const double angle = 2 * std::numbers::pi * i / kSteps;
-    const double c = std::cos(angle), s = std::sin(angle);
+    const auto [s, c] = portable::SinCos(angle);
     const auto outermost = std::max_element(
         corners.begin(), corners.end(),
         [c, s](const auto& a, const auto& b) { return c * a[0] + s * a[1] < c * b[0] + s * b[1]; });
@@ -105,7 +106,7 @@ SceneTriangles Extrude(const std::vector<std::array<double, 2>>& outline) {
 SceneTriangles DrawObstacle(ReportObstacle obstacle) {
   auto& corners = obstacle.corners_m;
   const bool far = std::any_of(corners.begin(), corners.end(), [](const auto& corner) {
-    return std::hypot(corner[0], corner[1]) > kFarAway_m;
+    return portable::Length(corner[0], corner[1]) > kFarAway_m;
   });
   if (far) {
     // The first and the last corner are on the surface of a half-space.
@@ -161,50 +162,17 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
   return picture;
 }
 
-/// Where the root is when a link is somewhere: the way up the robot, from the link.
-/// @param pose    of the link: x, z, pitch.
-/// @param joints  positions in the order of the run's joints, which move all links on the way.
-PictureRoot RootOf(const RobotPicture& robot, std::size_t link, std::array<double, 3> pose,
-                   const std::vector<double>& joints) {
-  while (robot.links[link].parent >= 0) {
-    const PictureLink& here = robot.links[link];
-    const double q = joints[static_cast<std::size_t>(here.joint)];
-    std::array<double, 3> offset = here.offset;
-    if (here.slides) {
-      for (std::size_t i = 0; i < 3; ++i) offset[i] += q * here.axis[i];
-    } else {
-      pose[2] += here.axis[1] * q;  // The pitch is about -y.
-    }
-    const double c = std::cos(pose[2]), s = std::sin(pose[2]);
-    pose[0] -= c * offset[0] - s * offset[2];
-    pose[1] -= s * offset[0] + c * offset[2];
-    link = static_cast<std::size_t>(here.parent);
-  }
-  return {pose[0], pose[1], pose[2]};
-}
-
-/// The plan of a run, as pages show it. Empty where the root cannot be told from the links that
-/// they show.
-std::vector<PlannedInstant> PlanOf(const RunData& run, const RobotPicture& robot,
-                                   std::int64_t first_ns) {
-  // Links without a shape are no part of a page, the root among them.
-  const auto shown = std::find_if(
-      robot.links.begin(), robot.links.end(),
-      [&run](const PictureLink& link) { return link.name == run.scene.links.front().name; });
+/// The plan of a run, as pages show it. The first link of a page is the root's.
+std::vector<PlannedInstant> PlanOf(const RunData& run, std::int64_t first_ns) {
   std::vector<PlannedInstant> plan;
-  if (shown == robot.links.end()) return plan;
-  const auto link = static_cast<std::size_t>(shown - robot.links.begin());
-  for (std::size_t on = link; robot.links[on].parent >= 0;
-       on = static_cast<std::size_t>(robot.links[on].parent)) {
-    if (robot.links[on].joint < 0) return plan;
-  }
   for (const ReportSample& sample : run.plan) {
     const double since_s = sample.time_s - run.ticks.front().time_s;
+    const std::array<double, 3>& root = sample.link_poses.front();
     std::vector<double> joints = sample.joint_positions_rad;
     joints.insert(joints.end(), sample.passive_positions_rad.begin(),
                   sample.passive_positions_rad.end());
-    const PictureRoot root = RootOf(robot, link, sample.link_poses.front(), joints);
-    plan.push_back({first_ns + std::llround(since_s * 1e9), root, std::move(joints)});
+    plan.push_back(
+        {first_ns + std::llround(since_s * 1e9), {root[0], root[1], root[2]}, std::move(joints)});
   }
   return plan;
 }
@@ -223,7 +191,7 @@ RecordPicture PictureOfRecord(const std::string& path) {
   picture.robot = PictureOf(LoadMotion(configuration.motion_file, text_of), configuration.joints);
   const auto entry = std::make_unique<TickEntry>();
   if (!record.Next(*entry)) return picture;
-  picture.plan = PlanOf(ReadRun(path, ""), picture.robot, entry->notes.deadline_ns);
+  picture.plan = PlanOf(ReadRun(path, ""), entry->notes.deadline_ns);
   return picture;
 }
 

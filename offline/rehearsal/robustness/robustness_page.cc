@@ -14,16 +14,37 @@ namespace {
 
 using Verdict = TrialOutcome::Verdict;
 
+// Drawings are as wide as the window: what is drawn has its place across in per cent and its size
+// in pixels, so that texts stay readable in a narrow one.
 constexpr const char* kHead = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{0}</title><style>
-body {{ font: 15px/1.45 system-ui, sans-serif; color: #1c2330; background: #fff; margin: 2rem auto;
-  max-width: 62rem; padding: 0 1rem; }}
+:root {{ color-scheme: light; --paper: #fff; --ink: #1c2330; --dim: #5d6778; --line: #c8cfda; --empty: #f1f3f6; --lost: #d6604d;
+  --stands: #2a7fb8; --amiss: #b97a00; --fell: #b2182b; --overlap: #7b3294; --fault: #1c2330; --got-up: #268453; --not-judged: #6b7485; }}
+@media screen and (prefers-color-scheme: dark) {{
+  :root {{ color-scheme: dark; --paper: #13161a; --ink: #e8e9ea; --dim: #9ba3ac; --line: #2d333a; --empty: #1f242a; --lost: #8f3022;
+    --stands: #5aa9ee; --amiss: #e6a83a; --fell: #ff7b6e; --overlap: #c785d8; --fault: #e8e9ea; --got-up: #35c496; --not-judged: #9aa3b2; }}
+}}
+body {{ font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2rem auto;
+  max-width: 62rem; padding: 0 1rem; overflow-wrap: break-word; }}
 h1 {{ font-size: 1.5rem; margin: 0 0 .2rem; }} h2 {{ font-size: 1.1rem; margin: 1.8rem 0 .4rem; }}
+h2, h2 + p, h2 + p + p {{ break-after: avoid; }}
 p {{ margin: .3rem 0; }} table {{ border-collapse: collapse; }}
-td, th {{ padding: .15rem .8rem .15rem 0; text-align: left; }} td.n {{ text-align: right; }}
-.share {{ font-size: 2.2rem; font-weight: 600; }} .dim {{ color: #5d6778; }}
-svg {{ max-width: 100%; height: auto; }} svg text {{ font: 12px system-ui, sans-serif; fill: #1c2330; }}
+td, th {{ padding: .15rem .8rem .15rem 0; text-align: left; vertical-align: top; }}
+td.n {{ text-align: right; white-space: nowrap; }}
+td.name {{ min-width: 6em; overflow-wrap: anywhere; }} td.verdict {{ white-space: nowrap; }}
+.share {{ font-size: 2.2rem; font-weight: 600; }} .dim {{ color: var(--dim); }}
+.stands {{ color: var(--stands); }} .amiss {{ color: var(--amiss); }} .fell {{ color: var(--fell); }}
+.overlap {{ color: var(--overlap); }} .fault {{ color: var(--fault); }} .got-up {{ color: var(--got-up); }} .not-judged {{ color: var(--not-judged); }}
+svg {{ display: block; width: 100%; break-inside: avoid; -webkit-print-color-adjust: exact; print-color-adjust: exact; }}
+svg text {{ font: 12px system-ui, sans-serif; fill: var(--ink); }}
+svg line {{ stroke: currentColor; stroke-width: 1.6px; opacity: 0.7; }}
+svg line.axis {{ stroke: var(--line); opacity: 1; }}
+svg circle {{ fill: currentColor; }}
+svg rect {{ stroke: var(--paper); fill: var(--empty); }} svg rect.lost {{ fill: var(--lost); }}
+.map {{ max-width: 640px; }} .map .cell {{ font-size: 11px; }}
+@media (max-width: 560px) {{ .map .cell {{ font-size: 10px; }} .map circle {{ r: 2px; }} }}
+@media print {{ body {{ margin: 0; max-width: none; padding: 0; font-size: 12px; }} }}
 </style></head><body>
 )";
 
@@ -45,24 +66,25 @@ std::string Escaped(std::string_view text) {
   return out;
 }
 
-const char* ColourOf(Verdict verdict) {
+/// The class of what is drawn of a robot, which gives its colour.
+const char* ClassOf(Verdict verdict) {
   switch (verdict) {
     case Verdict::kStands:
-      return "#2a7fb8";
+      return "stands";
     case Verdict::kAmiss:
-      return "#e69f00";
+      return "amiss";
     case Verdict::kFell:
-      return "#b2182b";
+      return "fell";
     case Verdict::kOverlap:
-      return "#7b3294";
+      return "overlap";
     case Verdict::kFault:
-      return "#1c2330";
+      return "fault";
     case Verdict::kGotUp:
-      return "#35a06a";
+      return "got-up";
     case Verdict::kNotJudged:
-      return "#9aa3b2";
+      return "not-judged";
   }
-  return "#000";
+  return "";
 }
 
 const char* Meaning(Verdict verdict) {
@@ -89,9 +111,9 @@ std::string Verdicts(const RobustnessResult& result) {
   std::string text = "<h2>Verdicts</h2><table>\n";
   for (const Verdict verdict : kVerdicts) {
     text += fmt::format(
-        "<tr><td><span style=\"color:{}\">&#9679;</span> {}</td><td class=n>{}</td><td "
+        "<tr><td class=verdict><span class={}>&#9679;</span> {}</td><td class=n>{}</td><td "
         "class=dim>{}</td></tr>\n",
-        ColourOf(verdict), verdict == Verdict::kStands ? "as asked" : ToString(verdict),
+        ClassOf(verdict), verdict == Verdict::kStands ? "as asked" : ToString(verdict),
         result.Count(verdict), Meaning(verdict));
   }
   return text + "</table>\n";
@@ -103,33 +125,36 @@ std::string Where(const RobustnessResult& result) {
   if (where.empty() || result.study.drops) return "";
   double last_s = 0.1;
   for (const Departures& d : where) last_s = std::max(last_s, d.last_s);
-  constexpr double kLeft = 260, kWidth = 570, kRow = 34;
-  const double height = kRow * static_cast<double>(where.size()) + 34;
+  constexpr double kLeft = 2, kWidth = 94, kRow = 46;  // per cent, per cent, pixels
+  const double height = kRow * static_cast<double>(where.size()) + 22;
   std::string text = fmt::format(
       "<h2>Where they leave the model's way</h2>\n<p class=dim>Since the motion of the node began. "
       "A robot has left when its pitch is 0.2 rad off the model's and does not come back.</p>\n"
-      "<svg viewBox=\"0 0 900 {0:.0f}\" width=\"900\" height=\"{0:.0f}\" role=\"img\">\n",
+      "<svg class=where height=\"{:.0f}\" role=\"img\">\n",
       height);
-  double y = 6;
+  double y = 0;
   for (const Departures& d : where) {
     text += fmt::format(
-        "<text x=\"0\" y=\"{:.0f}\">{}: {} left, {} kept to it</text><line x1=\"{:.0f}\" "
-        "x2=\"{:.0f}\" y1=\"{:.0f}\" y2=\"{:.0f}\" stroke=\"#c8cfda\"/>\n",
-        y + 16, Escaped(d.in), d.left, d.others, kLeft + 30, kLeft + 30 + kWidth, y + 24, y + 24);
+        "<text x=\"0\" y=\"{:.0f}\">{}: {} left, {} kept to it</text><line class=axis "
+        "x1=\"{:.0f}%\" x2=\"{:.0f}%\" y1=\"{:.0f}\" y2=\"{:.0f}\"/>\n",
+        y + 14, Escaped(d.in), d.left, d.others, kLeft, kLeft + kWidth, y + 40, y + 40);
     for (const TrialOutcome& trial : result.trials) {
       if (!trial.fails() || trial.left_s < 0 || trial.in != d.in) continue;
-      const double x = kLeft + 30 + kWidth * trial.left_s / last_s;
+      const double x = kLeft + kWidth * trial.left_s / last_s;
       text += fmt::format(
-          "<line x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1:.0f}\" y2=\"{2:.0f}\" stroke=\"{3}\" "
-          "stroke-width=\"1.6\" opacity=\"0.7\"/>",
-          x, y + 4, y + 24, ColourOf(trial.verdict));
+          "<line class={3} x1=\"{0:.2f}%\" x2=\"{0:.2f}%\" y1=\"{1:.0f}\" y2=\"{2:.0f}\"/>", x,
+          y + 20, y + 40, ClassOf(trial.verdict));
     }
     text += "\n";
     y += kRow;
   }
   for (int i = 0; i <= 4; ++i) {
-    text += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{:.2f} s</text>",
-                        kLeft + 30 + kWidth * i / 4, y + 14, last_s * i / 4);
+    text += fmt::format("<text x=\"{:.1f}%\" y=\"{:.0f}\" text-anchor=\"{}\">{:.2f} s</text>",
+                        kLeft + kWidth * i / 4, y + 10,
+                        i == 0   ? "start"
+                        : i == 4 ? "end"
+                                 : "middle",
+                        last_s * i / 4);
   }
   return text + "</svg>\n";
 }
@@ -144,86 +169,80 @@ std::string InfluenceTable(const RobustnessResult& result,
       UnitOfDepartures(result.study));
   for (const Influence& i : influences) {
     text += fmt::format(
-        "<tr><td>{}</td><td class=n>{:+.2f}</td><td class=n>{:+.0f} %</td><td "
+        "<tr><td class=name>{}</td><td class=n>{:+.2f}</td><td class=n>{:+.0f} %</td><td "
         "class=dim>{}</td></tr>\n",
         Escaped(i.name), i.mean_sigma, 100 * i.excess, i.telling() ? "" : "may be chance");
   }
   return text + "</table>\n";
 }
 
-/// White where all of a cell stand, to red where none does.
-std::string Shade(const SuccessMap::Cell& cell) {
-  if (cell.robots == 0) return "#f1f3f6";
-  const double lost = 1 - static_cast<double>(cell.stand) / cell.robots;
-  const auto mix = [lost](int to) {
-    return 255 - static_cast<int>(std::lround((255 - to) * lost));
-  };
-  return fmt::format("#{:02x}{:02x}{:02x}", mix(214), mix(96), mix(77));
-}
-
 std::string Map(const RobustnessResult& result, const std::vector<Influence>& influences) {
   const std::optional<SuccessMap> map = result.Map();
   if (!map) return "";
   constexpr int kCells = SuccessMap::kCells;
-  constexpr double kSide = 62, kLeft = 70, kTop = 10;
-  const double size = kSide * kCells;
+  constexpr double kColumn = 9.4, kLeft = 13, kRow = 58, kTop = 10;  // per cent and pixels
+  const double bottom = kTop + kRow * kCells;
+  const auto cell_at = [&map](int row, int column) -> const SuccessMap::Cell& {
+    return map->cells[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
+  };
   std::string text = fmt::format(
       "<h2>Map over the two most telling quantities</h2>\n<p class=dim>In each cell: how many of "
       "its "
       "robots are as asked. Everything else is random. The outer cells have all that is "
       "beyond.</p>\n"
-      "<svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" role=\"img\">\n",
-      size + kLeft + 10, size + kTop + 54);
+      "<p class=dim>Up: {} [{}]</p>\n<svg class=map height=\"{:.0f}\" role=\"img\">\n",
+      Escaped(map->y), UnitOfDepartures(result.study), bottom + 54);
   for (int row = 0; row < kCells; ++row) {
     for (int column = 0; column < kCells; ++column) {
-      const auto& cell =
-          map->cells[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
-      text += fmt::format(
-          "<rect x=\"{:.0f}\" y=\"{:.0f}\" width=\"{:.0f}\" height=\"{:.0f}\" fill=\"{}\" "
-          "stroke=\"#fff\"/>",
-          kLeft + column * kSide, kTop + (kCells - 1 - row) * kSide, kSide, kSide, Shade(cell));
+      const SuccessMap::Cell& cell = cell_at(row, column);
+      // The more of a cell's robots are lost, the more of the colour covers the paper.
+      const double lost = cell.robots == 0 ? 0 : 1 - static_cast<double>(cell.stand) / cell.robots;
+      text +=
+          fmt::format("<rect x=\"{:.2f}%\" y=\"{:.0f}\" width=\"{:.2f}%\" height=\"{:.0f}\"{}/>",
+                      kLeft + column * kColumn, kTop + (kCells - 1 - row) * kRow, kColumn, kRow,
+                      cell.robots == 0 ? std::string()
+                                       : fmt::format(" class=lost fill-opacity=\"{:.2f}\"", lost));
     }
     text += "\n";
   }
   const double width = 2 * map->half_width / (kCells - 2);
   const auto place = [&](double sigma) {
-    return std::clamp((sigma + map->half_width) / width + 1, 0.03, kCells - 0.03) * kSide;
+    return std::clamp((sigma + map->half_width) / width + 1, 0.03, kCells - 0.03);
   };
   for (const bool standing : {true, false}) {  // the others above those that stand
     for (const TrialOutcome& trial : result.trials) {
       if (!trial.judged() || trial.stands() != standing) continue;
       const auto& deviates = trial.variation.deviates;
-      text +=
-          fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" opacity=\"{}\"/>",
-                      kLeft + place(deviates[influences[0].deviate].sigma),
-                      kTop + size - place(deviates[influences[1].deviate].sigma),
-                      standing ? "1.6" : "3.4", ColourOf(trial.verdict), standing ? "0.35" : "0.9");
+      text += fmt::format("<circle class={} cx=\"{:.2f}%\" cy=\"{:.1f}\" r=\"{}\" opacity=\"{}\"/>",
+                          ClassOf(trial.verdict),
+                          kLeft + kColumn * place(deviates[influences[0].deviate].sigma),
+                          bottom - kRow * place(deviates[influences[1].deviate].sigma),
+                          standing ? "1.6" : "3.4", standing ? "0.35" : "0.9");
     }
     text += "\n";
   }
   for (int row = 0; row < kCells; ++row) {
     for (int column = 0; column < kCells; ++column) {
-      const auto& cell =
-          map->cells[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
+      const SuccessMap::Cell& cell = cell_at(row, column);
       if (cell.robots == 0) continue;
-      text +=
-          fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{}/{}</text>", kLeft + column * kSide + 4,
-                      kTop + (kCells - 1 - row) * kSide + 14, cell.stand, cell.robots);
+      const double y = kTop + (kCells - 1 - row) * kRow;
+      // One below the other: a cell of a narrow window has no room for both in a line.
+      text += fmt::format(
+          "<text class=cell x=\"{0:.2f}%\" y=\"{1:.0f}\">{2}</text><text class=cell "
+          "x=\"{0:.2f}%\" y=\"{3:.0f}\">/{4}</text>\n",
+          kLeft + column * kColumn + 0.6, y + 14, cell.stand, y + 27, cell.robots);
     }
   }
   for (int i = 1; i < kCells; ++i) {
     text += fmt::format(
-        "<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{:+.1f}</text><text x=\"{:.0f}\" "
+        "<text x=\"{:.2f}%\" y=\"{:.0f}\" text-anchor=\"middle\">{:+.1f}</text><text x=\"{:.2f}%\" "
         "y=\"{:.0f}\" text-anchor=\"end\">{:+.1f}</text>\n",
-        kLeft + i * kSide, kTop + size + 16, map->EdgeOf(i), kLeft - 6,
-        kTop + (kCells - i) * kSide + 4, map->EdgeOf(i));
+        kLeft + i * kColumn, bottom + 16, map->EdgeOf(i), kLeft - 1, kTop + (kCells - i) * kRow + 4,
+        map->EdgeOf(i));
   }
   text += fmt::format(
-      "<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{} [{}]</text><text "
-      "transform=\"translate(16 {:.0f}) rotate(-90)\" text-anchor=\"middle\">{} "
-      "[{}]</text>\n</svg>\n",
-      kLeft + size / 2, kTop + size + 40, Escaped(map->x), UnitOfDepartures(result.study),
-      kTop + size / 2, Escaped(map->y), UnitOfDepartures(result.study));
+      "<text x=\"{:.2f}%\" y=\"{:.0f}\" text-anchor=\"middle\">{} [{}]</text>\n</svg>\n",
+      kLeft + kColumn * kCells / 2, bottom + 40, Escaped(map->x), UnitOfDepartures(result.study));
   return text;
 }
 

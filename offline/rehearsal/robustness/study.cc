@@ -12,6 +12,7 @@
 
 #include "common/index.h"
 #include "common/parallel_for.h"
+#include "common/portable/functions.h"
 #include "offline/rehearsal/robustness/checkpoint.h"
 #include "offline/rehearsal/robustness/lane_trials.h"
 #include "offline/rehearsal/robustness/spread_names.h"
@@ -111,7 +112,8 @@ Json LiesToJson(const RobustnessResult& result) {
 /// few of them large squares are usual.
 double NormalDeviateOfMeanSquare(double mean_square, int m) {
   const double variance = 2.0 / (9.0 * m);
-  return (std::cbrt(mean_square) - (1 - variance)) / std::sqrt(variance);
+  const double root = portable::Power(mean_square, 1.0 / 3);
+  return (root - (1 - variance)) / std::sqrt(variance);
 }
 
 }  // namespace

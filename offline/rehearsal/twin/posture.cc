@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/portable/functions.h"
+
 namespace tumbler {
 
 std::string Describe(const PostureEvent& event) {
@@ -50,7 +52,7 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
 
 bool PostureWatch::Slow(const TwinState& state) const {
   const auto fast = [this](double rate) { return std::abs(rate) > config_.rate_max_rad_s; };
-  return std::hypot(state.root_vx_m_s, state.root_vz_m_s) <= config_.speed_max_m_s &&
+  return portable::Length(state.root_vx_m_s, state.root_vz_m_s) <= config_.speed_max_m_s &&
          !fast(state.root_pitch_rate_rad_s) &&
          std::ranges::none_of(state.joint_velocities_rad_s, fast) &&
          std::ranges::none_of(state.passive_velocities_rad_s, fast);

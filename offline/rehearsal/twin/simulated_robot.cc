@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/portable/functions.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "offline/problem/link_chains.h"
 
@@ -95,7 +96,7 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     }
     sensor_chain_ = found->joints;
     const Plane::Vector& gravity = scene.robot.tree.gravity;
-    if (gravity.x() != 0) slope_rad_ = std::atan2(-gravity.x(), -gravity.y());
+    if (gravity.x() != 0) slope_rad_ = portable::Atan2(-gravity.x(), -gravity.y());
     sensor_ = std::make_unique<SimulatedSensor>(*drives.sensor, config.sensor);
     sensor_->AttachTo(bus_);
   }

@@ -33,9 +33,11 @@ class LivePose {
 
 let stage = null;
 
-function layoutStage() {
+// On paper the picture has the size that it takes on A4, so that its text stays readable.
+function layoutStage(event) {
   const box = byId('stage').parentElement.getBoundingClientRect();
-  if (stage && box.width > 0) stage.layout(box.width, box.height, document.documentElement.dataset.view === 'robot');
+  if (stage && event?.type === 'beforeprint') stage.layout(400, 300, false);
+  else if (stage && box.width > 0) stage.layout(box.width, box.height, document.documentElement.dataset.view === 'robot');
 }
 
 function drawLive(poses) {
@@ -240,6 +242,8 @@ function startRecord() {
 
 document.documentElement.dataset.view = fragment().get('view') === 'robot' ? 'robot' : 'page';
 applyTheme();
-window.addEventListener('resize', () => { layoutStage(); if (stage) stage.draw(live ? 0 : state.time); });
+for (const cause of ['resize', 'beforeprint', 'afterprint']) {
+  window.addEventListener(cause, (event) => { layoutStage(event); if (stage) stage.draw(live ? 0 : state.time); });
+}
 if (live) startLive(); else startRecord();
 document.documentElement.dataset.ready = 'true';
