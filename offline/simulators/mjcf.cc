@@ -277,7 +277,7 @@ double ClearanceAt(const Scene& scene, std::span<const double> q) {
     double least = std::numeric_limits<double>::infinity();
     for (const ContactShape<Plane>& shape : scene.robot.shapes) {
       if (shape.body < 0) continue;
-      Plane::Vector at = dynamics.position(shape.body);
+      Plane::Vector at = dynamics.origin() + dynamics.position(shape.body);
       at.y() -= lowered;
       const auto posed = PosedShape<Plane>::Of(shape.shape, dynamics.rotation(shape.body), at);
       for (const Obstacle<Plane>& obstacle : scene.obstacles) {
