@@ -50,7 +50,7 @@ inline constexpr std::array kCertificateKeys = {
         KeyOf<&Certificate::constraint_violation>(
             "constraint_violation", Range::NonNegative(),
             "by how much the worst limit is exceeded, relative to it (positions in rad), computed "
-            "from the splines' control points and the simulation alone; zero when all hold, and "
+            "from the splines and the simulation alone; zero when all hold, and "
             "no primitive is written above 1e-6, whatever the solver says"),
         4, "constraint violation", "{constraint_violation:.2e} (scaled)"},
     CertificateKey{
@@ -70,25 +70,22 @@ inline constexpr std::array kCertificateKeys = {
     CertificateKey{KeyOf<&Certificate::peak_penetration_m>(
                        "peak_penetration_m", Range::NonNegative(), "likewise, into the layer"),
                    12, "peak penetration", "{peak_penetration_mm:.2f} mm of {layer_mm:.2f} mm"},
-    CertificateKey{
-        KeyOf<&Certificate::position_margin_rad>(
-            "position_margin_rad",
-            "from control points: for all t; the loader computes them again and refuses a file "
-            "that disagrees"),
-        9, "margin to the position limits", "{position_margin_rad:.3f} rad (all t)"},
-    CertificateKey{
-        KeyOf<&Certificate::velocity_margin_rad_s>(
-            "velocity_margin_rad_s",
-            "from control points: for all t; the loader computes them again and refuses a file "
-            "that disagrees"),
-        10, "margin to the velocity limit", "{velocity_margin_rad_s:.3f} rad/s (all t)"},
-    CertificateKey{
-        KeyOf<&Certificate::acceleration_margin_rad_s2>(
-            "acceleration_margin_rad_s2",
-            "from control points: for all t; the loader computes them again and refuses a file "
-            "that disagrees"),
-        11, "margin to the acceleration limit",
-        "{acceleration_margin_rad_s2:.1f} rad/s\u00b2 (all t)"},
+    CertificateKey{KeyOf<&Certificate::position_margin_rad>(
+                       "position_margin_rad",
+                       "of the paths, for all t; the loader computes them again and refuses a file "
+                       "that disagrees"),
+                   9, "margin to the position limits", "{position_margin_rad:.3f} rad (all t)"},
+    CertificateKey{KeyOf<&Certificate::velocity_margin_rad_s>(
+                       "velocity_margin_rad_s",
+                       "of the paths, for all t; the loader computes them again and refuses a file "
+                       "that disagrees"),
+                   10, "margin to the velocity limit", "{velocity_margin_rad_s:.3f} rad/s (all t)"},
+    CertificateKey{KeyOf<&Certificate::acceleration_margin_rad_s2>(
+                       "acceleration_margin_rad_s2",
+                       "of the paths, for all t; the loader computes them again and refuses a file "
+                       "that disagrees"),
+                   11, "margin to the acceleration limit",
+                   "{acceleration_margin_rad_s2:.1f} rad/s\u00b2 (all t)"},
     CertificateKey{
         KeyOf<&Certificate::torque_margin_nm>(
             "torque_margin_nm",

@@ -56,16 +56,58 @@ std::vector<std::string> Wrapped(const std::string& text, std::size_t width) {
   return lines;
 }
 
-/// A text whose lines are no wider than the help is; other ends of lines stay.
-std::string Paragraphs(const std::string& text) {
-  std::string out;
-  for (std::size_t begin = 0; begin <= text.size();) {
+/// A paragraph of a text, or an entry of a list in it: a name, and what stands beside it.
+struct Block {
+  std::string name;        ///< Of an entry, with the spaces around it; empty: a paragraph.
+  std::string words;       ///< Without ends of lines.
+  bool after_gap = false;  ///< Whether an empty line stands before it.
+};
+
+/// The blocks of a text. Lines that are not indented are a paragraph up to the next empty line, and
+/// may be broken anywhere. An indented line `  NAME   words` is an entry. Lines that are indented
+/// as far as its words go on with them.
+std::vector<Block> BlocksOf(const std::string& text) {
+  std::vector<Block> blocks;
+  bool gap = false, list = false;
+  for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     const std::string line = text.substr(begin, end - begin);
-    out += line.size() > kHelpWidth ? fmt::format("{}", fmt::join(Wrapped(line, kHelpWidth), "\n"))
-                                    : line;
-    out += '\n';
     begin = end + 1;
+    const std::size_t indent = line.find_first_not_of(' ');
+    if (indent == std::string::npos) {
+      gap = true;
+      continue;
+    }
+    const bool goes_on = !blocks.empty() && !gap && (indent > 0) == list &&
+                         (indent == 0 || indent >= blocks.back().name.size());
+    list = indent > 0;
+    if (goes_on) {
+      blocks.back().words += ' ' + line.substr(indent);
+    } else {
+      Block block{"", line, gap && !blocks.empty()};
+      if (list) {
+        const std::size_t name_end = std::min(line.find("  ", indent), line.size());
+        const std::size_t words = std::min(line.find_first_not_of(' ', name_end), line.size());
+        block.name = line.substr(0, words);
+        block.words = line.substr(words);
+      }
+      blocks.push_back(block);
+    }
+    gap = false;
+  }
+  return blocks;
+}
+
+/// A text whose lines are as wide as the help is, wherever those of the source end.
+std::string Paragraphs(const std::string& text) {
+  std::string out;
+  for (const Block& block : BlocksOf(text)) {
+    if (block.after_gap) out += '\n';
+    std::string before = block.name;
+    for (const std::string& line : Wrapped(block.words, kHelpWidth - block.name.size())) {
+      out += before + line + '\n';
+      before.assign(block.name.size(), ' ');
+    }
   }
   return out;
 }
@@ -97,6 +139,11 @@ std::string Options(const CommandDescription& command, bool positional) {
   return text;
 }
 
+std::string_view Trimmed(std::string_view text) {
+  const std::size_t begin = std::min(text.find_first_not_of(' '), text.size());
+  return text.substr(begin, text.find_last_not_of(' ') + 1 - begin);
+}
+
 /// Text that troff takes as it is.
 std::string Troff(std::string_view text) {
   std::string out;
@@ -123,9 +170,14 @@ std::string Troff(std::string_view text) {
   return out;
 }
 
-/// Lines that keep their breaks.
-std::string TroffLines(const std::string& text) {
-  return text.empty() ? "" : fmt::format(".nf\n{}\n.fi\n", Troff(text));
+/// Paragraphs and lists, whose lines troff breaks.
+std::string TroffParagraphs(const std::string& text) {
+  std::string out;
+  for (const Block& block : BlocksOf(text)) {
+    out += block.name.empty() ? ".PP\n" : fmt::format(".TP\n{}\n", Troff(Trimmed(block.name)));
+    out += Troff(block.words) + '\n';
+  }
+  return out;
 }
 
 std::string TroffOptions(const CommandDescription& command) {
@@ -201,14 +253,14 @@ std::string ManPage(const CommandDescription& command, const std::string& versio
       ".TH {} 1 \"\" \"Tumbler {}\" \"User Commands\"\n.SH NAME\n{} \\- {}\n.SH SYNOPSIS\n.B {}\n"
       ".SH DESCRIPTION\n{}",
       Troff(title), Troff(version), Troff(command.name), Troff(FirstSentence(command.description)),
-      Troff(Usage(command)), TroffLines(command.description));
+      Troff(Usage(command)), TroffParagraphs(command.description));
   text += ".SH OPTIONS\n" + TroffOptions(command);
   if (!command.subcommands.empty()) text += ".SH COMMANDS\n";
   for (const CommandDescription& sub : command.subcommands) {
-    text += fmt::format(".SS {}\n{}{}", Troff(Usage(sub)), TroffLines(sub.description),
+    text += fmt::format(".SS {}\n{}{}", Troff(Usage(sub)), TroffParagraphs(sub.description),
                         TroffOptions(sub));
   }
-  if (!command.footer.empty()) text += ".SH NOTES\n" + TroffLines(command.footer);
+  if (!command.footer.empty()) text += ".SH NOTES\n" + TroffParagraphs(command.footer);
   return text;
 }
 

@@ -22,7 +22,10 @@ struct OptionDescription {
 struct CommandDescription {
   std::string name;         ///< Of the program; of a subcommand behind the program's.
   std::string description;  ///< Its first sentence stands alone in lists.
-  std::string footer;       ///< Text below the options.
+  /// Text below the options. Here and in the description, ends of lines mean nothing within a
+  /// paragraph; an empty line ends one, and so does a list, whose entries are indented lines
+  /// `  NAME   words` that go on in lines indented as far as the words.
+  std::string footer;
   std::vector<OptionDescription> options;
   std::vector<CommandDescription> subcommands;
   bool options_after_subcommand = false;  ///< Whether subcommands take its options as well.
@@ -31,7 +34,7 @@ struct CommandDescription {
 /// The first sentence of a text, without its full stop.
 [[nodiscard]] std::string FirstSentence(const std::string& text);
 
-/// The text for --help. Lines that are wider than 100 characters are broken.
+/// The text for --help, in lines of up to 100 characters.
 [[nodiscard]] std::string HelpText(const CommandDescription& command);
 
 /// A manual page of section 1, for `man`.

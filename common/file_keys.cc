@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/json.h"
 #include "common/printable.h"
 
 namespace tumbler {
@@ -146,6 +147,52 @@ std::string Shown(const Range& range) {
 
 std::string Quoted(std::string_view text) { return fmt::format("`\"{}\"`", text); }
 
+/// Makes the JSON Schema of a key's value.
+class ValueSchema {
+ public:
+  explicit ValueSchema(const KeyText& text) : text_(text) {}
+
+  Json operator()(double* /*value*/) const { return Number(); }
+  Json operator()(float* /*value*/) const { return Number(); }
+  Json operator()(std::optional<double>* /*value*/) const { return Number(); }
+  Json operator()(const SecondsValue& /*value*/) const { return Number(); }
+  Json operator()(const IntegerValue& /*value*/) const {
+    if (text_.choices.empty()) return Bounded({{"type", "integer"}});
+    return {{"enum", Json(text_.choices)}};
+  }
+  Json operator()(bool* /*value*/) const { return {{"type", "boolean"}}; }
+  Json operator()(std::string* /*value*/) const { return {{"type", "string"}}; }
+  Json operator()(const LongTextValue& /*value*/) const { return {{"type", "string"}}; }
+  Json operator()(const NameValue& value) const {
+    return {{"type", "string"}, {"minLength", 1}, {"maxLength", value.capacity}};
+  }
+  Json operator()(std::span<double> value) const {
+    return {{"type", "array"},
+            {"items", Number()},
+            {"minItems", value.size()},
+            {"maxItems", value.size()}};
+  }
+  Json operator()(std::vector<double>* /*value*/) const {
+    return {{"type", "array"}, {"items", Number()}};
+  }
+  Json operator()(std::vector<std::string>* /*value*/) const {
+    return {{"type", "array"}, {"items", {{"type", "string"}}}};
+  }
+
+ private:
+  [[nodiscard]] Json Number() const { return Bounded({{"type", "number"}}); }
+  [[nodiscard]] Json Bounded(Json schema) const {
+    constexpr double kLargest = std::numeric_limits<double>::max();
+    const Range& range = text_.allowed;
+    if (range.min > -kLargest)
+      schema[range.min_excluded ? "exclusiveMinimum" : "minimum"] = range.min;
+    if (range.max < kLargest) schema["maximum"] = range.max;
+    return schema;
+  }
+
+  const KeyText& text_;
+};
+
 /// Writes a default for docs/formats.md.
 class ValueShower {
  public:
@@ -210,6 +257,12 @@ KeyRow RowOf(const KeyText& text, const KeyValue* value, std::string_view table)
     row.allowed = Shown(text.allowed);
   }
   row.meaning = text.meaning;
+  row.name = text.name;
+  if (text.schema != nullptr) {
+    row.schema = text.schema;
+  } else {
+    row.schema = value != nullptr ? std::visit(ValueSchema(text), *value).Dump(-1) : "{}";
+  }
   return row;
 }
 

@@ -39,6 +39,7 @@ struct KeyText {
   bool required = false;
   const char* default_text = nullptr;  ///< For people, where it is not the struct's own default.
   const char* allowed_text = nullptr;  ///< For people, where the range does not say everything.
+  const char* schema = nullptr;        ///< JSON Schema of a value that a function reads.
 };
 
 /// A whole number of any type, or an enumeration, at any place.
@@ -108,6 +109,12 @@ struct FileKey {
   [[nodiscard]] constexpr FileKey ReadBy(Reader read) const {
     FileKey key = *this;
     key.reader = read;
+    return key;
+  }
+  /// This key with a JSON Schema of what its function reads.
+  [[nodiscard]] constexpr FileKey Schema(const char* schema) const {
+    FileKey key = *this;
+    key.text.schema = schema;
     return key;
   }
   /// This key only where a condition on the keys before holds. Elsewhere it is an unknown key.
@@ -233,6 +240,7 @@ constexpr std::array<FileKey<S>, kCount> AllRequired(std::array<FileKey<S>, kCou
 template <class S, std::size_t kCount>
 void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
               std::type_identity_t<S>& settings) {
+  for (const FileKey<S>& key : keys) table.Expect(key.text.name);
   for (const FileKey<S>& key : keys) {
     if (key.applies != nullptr && !key.applies(settings)) continue;
     if (key.prepare != nullptr) key.prepare(settings);
@@ -266,7 +274,10 @@ std::vector<KeyRow> RowsOf(const std::array<FileKey<S>, kCount>& keys, std::stri
   for (const FileKey<S>& key : keys) {
     std::optional<KeyValue> value;
     if (key.value != nullptr) value = key.value(defaults);
-    rows.push_back(file_keys_detail::RowOf(key.text, value ? &*value : nullptr, table));
+    KeyRow row = file_keys_detail::RowOf(key.text, value ? &*value : nullptr, table);
+    // What is required with a default in words is so only beside some other keys.
+    row.required = key.text.required && key.applies == nullptr && key.text.default_text == nullptr;
+    rows.push_back(row);
   }
   return rows;
 }

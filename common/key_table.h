@@ -14,6 +14,10 @@ struct KeyRow {
   std::string absent;  ///< The default, or that there is none.
   std::string allowed;
   std::string meaning;
+  // For schemas of files; empty in rows that are about several keys.
+  std::string name = {};    ///< The key itself.
+  std::string schema = {};  ///< JSON Schema of its value.
+  bool required = false;    ///< Whether it has to be there, whatever else is.
 };
 
 /// A table of docs/formats.md.

@@ -62,19 +62,27 @@ JointMotion<float>::Spline Rounded(const std::string& part, const Motion::Spline
   return result;
 }
 
-// The limit of the bound, widened to the largest rounded control point where that exceeds it.
-float Widened(const Motion& motion, const Bound<float>& bound) {
-  float widened = bound.max;
-  for (const float point : bound.points) widened = std::max(widened, std::abs(point));
-  const double excess = static_cast<double>(widened) - static_cast<double>(bound.max);
-  if (!(excess <= kRoundingAllowance * static_cast<double>(bound.max))) {
-    FailRounding(
-        motion,
-        fmt::format("rounding takes its {} {} {} beyond the limit of {} {}; move the knots apart",
-                    bound.name, MessageNumber(excess), bound.unit,
-                    MessageNumber(static_cast<double>(bound.max)), bound.unit));
+// What a curve reaches in single precision is off its extent by less than this share of the largest
+// control point: each of its sums has at most eight products, and their basis functions as many
+// factors.
+constexpr double kEvaluation = 16 * static_cast<double>(std::numeric_limits<float>::epsilon());
+
+// The limit of the bound, widened to what the rounded path reaches where that exceeds it.
+float Widened(const Motion& motion, const Bound& bound, std::span<const float> points) {
+  double largest = 0;
+  for (const float point : points)
+    largest = std::max(largest, static_cast<double>(std::abs(point)));
+  const double reached =
+      std::min(std::max(bound.path.max, -bound.path.min) + kEvaluation * largest, largest);
+  const double excess = reached - bound.max;
+  if (!(excess <= kRoundingAllowance * bound.max)) {
+    FailRounding(motion, fmt::format("rounding takes its {} {} {} beyond the limit of {} {}; move "
+                                     "the knots apart",
+                                     bound.name, MessageNumber(excess), bound.unit,
+                                     MessageNumber(bound.max), bound.unit));
   }
-  return widened;
+  if (!(excess > 0)) return static_cast<float>(bound.max);
+  return std::nextafter(static_cast<float>(reached), std::numeric_limits<float>::max());
 }
 
 Feedback<float> Rounded(const Primitive<double>& primitive) {
@@ -168,17 +176,14 @@ Primitive<float> ToRuntime(const Primitive<double>& primitive) {
                       RoundedLimit(motion.limits.velocity_max_rad_s),
                       RoundedLimit(motion.limits.acceleration_max_rad_s2),
                       RoundedLimit(motion.limits.torque_max_nm)};
-    const auto bounds = BoundsOf(rounded);
-    rounded.limits.velocity_max_rad_s = Widened(motion, bounds[1]);
-    rounded.limits.acceleration_max_rad_s2 = Widened(motion, bounds[2]);
-    for (const Bound<float>& bound : BoundsOf(rounded)) {
-      for (const float point : bound.points) {
-        if (point >= bound.min && point <= bound.max) continue;
-        const float limit = point > bound.max ? bound.max : bound.min;
-        FailRounding(motion, fmt::format("its {} of {} {} is beyond the limit of {} {}", bound.name,
-                                         MessageNumber(static_cast<double>(point)), bound.unit,
-                                         MessageNumber(static_cast<double>(limit)), bound.unit));
-      }
+    const auto bounds = BoundsOf(rounded, rounded.limits);
+    rounded.limits.velocity_max_rad_s =
+        Widened(motion, bounds[1], rounded.position.control_points(1));
+    rounded.limits.acceleration_max_rad_s2 =
+        Widened(motion, bounds[2], rounded.position.control_points(2));
+    for (const Bound& bound : {bounds[0], bounds[3]}) {
+      if (bound.Holds()) continue;
+      FailRounding(motion, "its " + ToText(bound));
     }
   }
   result.feedback = Rounded(primitive);

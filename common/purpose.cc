@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "common/json.h"
+
 namespace tumbler {
 
 std::string PurposeTarget::NameAfter(double later_s) const {
@@ -34,6 +36,38 @@ std::string PurposeTarget::AskedAndGot(double result) const {
   const double asked = std::abs(target) < 1e-9 * tolerance ? 0 : target;
   return fmt::format("asked {:.6g}, got {:.6g} {} (within {:.3g})", asked, result, unit(),
                      tolerance);
+}
+
+std::string JudgedTarget::name() const {
+  return after_s ? target.NameAfter(*after_s) : target.name();
+}
+
+std::optional<bool> JudgedTarget::met() const {
+  if (!result) return std::nullopt;
+  return target.MetBy(*result);
+}
+
+std::string JudgedTarget::Verdict() const {
+  if (!result) return "not judged, " + (obstacle.empty() ? "the run ended before" : obstacle);
+  return target.AskedAndGot(*result) + (*met() ? "" : ": MISSED");
+}
+
+Json ToJson(const JudgedTarget& judged) {
+  const auto maybe = [](const auto& value) { return value ? Json(*value) : Json(); };
+  return {{"of", judged.target.name()},       {"unit", judged.target.unit()},
+          {"target", judged.target.target},   {"result", maybe(judged.result)},
+          {"after_s", maybe(judged.after_s)}, {"tolerance", judged.target.tolerance},
+          {"met", maybe(judged.met())}};
+}
+
+std::optional<bool> AllMet(const std::vector<JudgedTarget>& purpose) {
+  bool all = !purpose.empty();
+  for (const JudgedTarget& judged : purpose) {
+    const std::optional<bool> met = judged.met();
+    if (met == false) return false;
+    if (!met) all = false;
+  }
+  return all ? std::optional(true) : std::nullopt;
 }
 
 }  // namespace tumbler

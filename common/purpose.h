@@ -3,10 +3,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace tumbler {
+
+class Json;
 
 /// What a motion is for: a value that its task's cost asks for at one instant, of the robot's root
 /// or of a point of a link.
@@ -64,6 +68,30 @@ struct PurposeFigure : PurposeTarget {
   double result = 0;
   [[nodiscard]] bool met() const { return MetBy(result); }
 };
+
+/// A target, and what a simulated robot gives. A target that nobody looked at was neither met nor
+/// missed.
+struct JudgedTarget {
+  PurposeTarget target;
+  std::optional<double> result;        ///< Absent where it was not judged.
+  std::optional<double> after_s = {};  ///< How long after the end of the motion that was.
+  /// Why it is never judged, as the end of a sentence about it; empty: the run ended before.
+  std::string obstacle = {};
+
+  /// As the target's, with the time at which it was judged: "pitch, 4 s later".
+  [[nodiscard]] std::string name() const;
+  [[nodiscard]] std::optional<bool> met() const;
+  /// For people: as AskedAndGot, with ": MISSED" where it was; or "not judged, the run ended
+  /// before".
+  [[nodiscard]] std::string Verdict() const;
+};
+
+/// Whether every target was met. Absent where one that nobody judged may have been missed, and
+/// where there is none.
+[[nodiscard]] std::optional<bool> AllMet(const std::vector<JudgedTarget>& purpose);
+
+/// For files: `of` (its name), `unit`, `target`, `result`, `after_s`, `tolerance`, `met`.
+[[nodiscard]] Json ToJson(const JudgedTarget& judged);
 
 /// No coordinate of the root of a robot at rest moves faster than this [m/s, rad/s], in the last
 /// kRestWatched_s: so long that the answer does not depend on the phase in which it rocks.

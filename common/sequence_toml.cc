@@ -106,6 +106,8 @@ void ReadPartners(TomlTable& table, std::string_view key, SequenceFile& file) {
 constexpr std::array kSwapKeys = {
     KeyReadBy<SequenceFile>("joints", ReadPartners,
                             "e.g. `[[\"leg1\", \"leg2\"]]`; joints not named keep their role")
+        .Schema(
+            R"({"type": "array", "items": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}})")
         .Required()
         .Allowed("pairs of joints, each joint once"),
     KeyOf<&SequenceFile::swap_root_pitch_rad>("root_pitch_rad", {-2 * kPi, 2 * kPi},
@@ -158,6 +160,7 @@ constexpr std::array kStartKeys = {
           file.graph.start = NodeOf(table, key, file);
         },
         "the first one")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("a node"),
 };
@@ -182,6 +185,7 @@ constexpr std::array kBeginKeys = {
     KeyReadBy<SequenceFile>("nodes", ReadBeginnings,
                             "with which a run may begin besides `start`: the robot lies as at "
                             "their start")
+        .Schema(R"({"type": "array", "items": {"type": "string"}})")
         .Required()
         .Allowed("nodes whose joints begin where those of `start` do"),
     KeyOf<&SequenceFile::begin_link>("link", "the root link, which has the sensor if there is one")
@@ -208,6 +212,7 @@ constexpr std::array kEdgeKeys = {
           edge.from = NodeOf(table, key, *edge.file);
         },
         "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("a node"),
     KeyReadBy<EdgeEntry>(
@@ -216,6 +221,7 @@ constexpr std::array kEdgeKeys = {
           edge.to = NodeOf(table, key, *edge.file);
         },
         "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("a node"),
     KeyOf<&EdgeEntry::settle_s, EdgeEntry>("settle_s", {0, kMaxSettle},
@@ -616,44 +622,16 @@ class SequenceReader {
   }
 
   void CheckPath(int node, const Motion& joint, const Motion& path) const {
-    struct Bound {
-      const char* name;
-      const char* unit;
-      const Motion::Spline& spline;
-      int derivative;
-      double min, max;
-    };
-    const JointLimits<double>& limits = joint.limits;
-    const std::array<Bound, 4> bounds = {
-        {{"position", "rad", path.position, 0, limits.position_min_rad, limits.position_max_rad},
-         {"velocity", "rad/s", path.position, 1, -limits.velocity_max_rad_s,
-          limits.velocity_max_rad_s},
-         {"acceleration", "rad/s^2", path.position, 2, -limits.acceleration_max_rad_s2,
-          limits.acceleration_max_rad_s2},
-         {"feed-forward torque", "N m", path.torque, 0, -limits.torque_max_nm,
-          limits.torque_max_nm}}};
-    for (const Bound& bound : bounds) {
-      const std::span<const double> points = bound.spline.control_points(bound.derivative);
-      for (std::size_t i = 0; i < points.size(); ++i) {
-        if (points[i] >= bound.min && points[i] <= bound.max) continue;
-        const double limit = points[i] > bound.max ? bound.max : bound.min;
-        const auto [value, allowed] = DistinctNumbers(points[i], limit);
-        // The curve depends on control point i of derivative d between these knots.
-        const std::span<const double> knots = bound.spline.knots();
-        const double from = knots[i + Index(bound.derivative)];
-        const double to = knots[i + Index(bound.spline.degree()) + 1];
-        FailNode(node,
-                 fmt::format("primitive '{}', joint '{}'{}: control point {} of {} (knots {} to {} "
-                             "s) is {} {}; allowed: {} {} {}: {} too much",
-                             file_.primitive_names[Index(file_.graph.node(node).primitive)],
-                             joint.name.view(),
-                             joint.name == path.name
-                                 ? ""
-                                 : fmt::format(" on the path of '{}'", path.name.view()),
-                             i, bound.name, MessageNumber(from), MessageNumber(to), value,
-                             bound.unit, points[i] > bound.max ? "<=" : ">=", allowed, bound.unit,
-                             MessageNumber(std::abs(points[i] - limit))));
-      }
+    for (const Bound& bound : BoundsOf(path, joint.limits)) {
+      if (bound.Holds()) continue;
+      const double excess = std::max(bound.path.max - bound.max, bound.min - bound.path.min);
+      FailNode(
+          node,
+          fmt::format(
+              "primitive '{}', joint '{}'{}: {}: {} too much",
+              file_.primitive_names[Index(file_.graph.node(node).primitive)], joint.name.view(),
+              joint.name == path.name ? "" : fmt::format(" on the path of '{}'", path.name.view()),
+              ToText(bound), MessageNumber(excess)));
     }
   }
 

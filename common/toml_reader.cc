@@ -111,6 +111,17 @@ std::size_t Distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+/// How near the key in a file is to the one that may be meant by it: 0 where its unit or half of
+/// its word was left out, else their distance; none where it is too far for a slip.
+std::optional<std::size_t> Nearness(std::string_view written, std::string_view meant) {
+  const bool begins =
+      meant.starts_with(written) && (written.size() >= 3 || meant[written.size()] == '_');
+  if (begins) return 0;
+  const std::size_t distance = Distance(written.substr(0, 64), meant);
+  if (distance > std::max<std::size_t>(1, written.size() / 3)) return std::nullopt;
+  return distance;
+}
+
 /// Advice about an unknown key: the key that was probably meant, or all keys that can be there.
 std::string KeyAdvice(std::string_view key, const toml::table& table,
                       const std::set<std::string, std::less<>>& known) {
@@ -119,20 +130,33 @@ std::string KeyAdvice(std::string_view key, const toml::table& table,
     if (!table.contains(candidate)) free.push_back(candidate);
   }
   const std::string* nearest = nullptr;
-  std::size_t least = std::max<std::size_t>(1, key.size() / 3) + 1;
+  std::size_t least = std::numeric_limits<std::size_t>::max();
   for (const std::string& candidate : free) {
-    // The unit, or half of the word, was left out.
-    const bool begins =
-        candidate.starts_with(key) && (key.size() >= 3 || candidate[key.size()] == '_');
-    const std::size_t distance = begins ? 0 : Distance(key.substr(0, 64), candidate);
-    if (distance < least) {
-      least = distance;
+    const std::optional<std::size_t> distance = Nearness(key, candidate);
+    if (distance && *distance < least) {
+      least = *distance;
       nearest = &candidate;
     }
   }
   if (nearest != nullptr) return fmt::format("did you mean '{}'?", *nearest);
   if (free.empty()) return "nothing more can be here";
   return fmt::format("also allowed here: {}", fmt::join(free, ", "));
+}
+
+/// What was probably meant to be the missing key: the nearest one of the table that nothing is
+/// known of, and its line, as a beginning of the advice. Empty where there is none.
+std::string MisspeltAdvice(std::string_view missing, const toml::table& table,
+                           const std::function<bool(std::string_view)>& is_known) {
+  std::string advice;
+  std::size_t least = std::numeric_limits<std::size_t>::max();
+  for (const auto& [key, node] : table) {
+    const std::optional<std::size_t> distance = Nearness(key.str(), missing);
+    if (!distance || *distance >= least || is_known(key.str())) continue;
+    least = *distance;
+    advice =
+        fmt::format("did you mean it by '{}' in line {}? ", key.str(), key.source().begin.line);
+  }
+  return advice;
 }
 
 const char* TypeName(const toml::node& node) {
@@ -195,6 +219,8 @@ struct Document {
   std::set<const toml::node*> taken;
   /// For each table, every key that was asked for: these are the keys that it can hold.
   std::map<const toml::table*, std::set<std::string, std::less<>>> known;
+  /// Likewise, keys that are somewhere in the lists of keys that were read of it.
+  std::map<const toml::table*, std::set<std::string, std::less<>>> described;
 };
 
 }  // namespace
@@ -216,6 +242,8 @@ class TomlTable::Place {
 
   /// Notes that this table can hold the key.
   void Know(std::string_view key) const { document_->known[table_].emplace(key); }
+  /// Notes that a list of keys of this table has the key.
+  void Expect(std::string_view key) const { document_->described[table_].emplace(key); }
   /// @param allowed  for the message when the key is missing.
   const toml::node& Take(std::string_view key, const std::string& allowed) const;
   [[nodiscard]] double ToNumber(const toml::node& node, std::string_view key, Range range) const;
@@ -244,8 +272,13 @@ const toml::node& TomlTable::Place::Take(std::string_view key, const std::string
   Know(key);
   const toml::node* node = table_->get(key);
   if (node == nullptr) {
+    const auto is_known = [this](std::string_view other) {
+      return document_->known[table_].contains(other) ||
+             document_->described[table_].contains(other);
+    };
     throw FileError(document_->file, table_->source().begin.line, FullKey(key),
-                    fmt::format("is missing and has no default; {}", allowed));
+                    fmt::format("is missing and has no default; {}{}",
+                                MisspeltAdvice(key, *table_, is_known), allowed));
   }
   document_->taken.insert(node);
   return *node;
@@ -301,6 +334,8 @@ bool TomlTable::Has(std::string_view key) const {
   place_->Know(key);
   return place_->table().contains(key);
 }
+
+void TomlTable::Expect(std::string_view key) const { place_->Expect(key); }
 
 bool TomlTable::IsTable(std::string_view key) const {
   const toml::node* node = place_->table().get(key);
@@ -424,14 +459,19 @@ std::vector<std::vector<std::string>> TomlTable::StringLists(std::string_view ke
 }
 
 TomlTable TomlTable::Table(std::string_view key) {
-  const toml::node& node = place_->Take(key, "allowed: a table");
+  const toml::node& node =
+      place_->Take(key, fmt::format("allowed: a table, [{}]", place_->FullKey(key)));
   const auto* table = node.as_table();
   if (table == nullptr) place_->FailType(key, node, "a table");
   return place_->Within(*table, place_->FullKey(key));
 }
 
 std::vector<TomlTable> TomlTable::Tables(std::string_view key) {
-  const toml::node& node = place_->Take(key, "allowed: an array of tables");
+  return Tables(key, fmt::format("allowed: tables, each begun by [[{}]]", place_->FullKey(key)));
+}
+
+std::vector<TomlTable> TomlTable::Tables(std::string_view key, const std::string& what_to_write) {
+  const toml::node& node = place_->Take(key, what_to_write);
   const auto* array = node.as_array();
   if (array == nullptr) place_->FailType(key, node, "an array of tables");
   std::vector<TomlTable> tables;

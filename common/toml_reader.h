@@ -42,6 +42,9 @@ class TomlTable {
   static TomlTable Parse(std::string_view text, const std::string& name);
 
   [[nodiscard]] bool Has(std::string_view key) const;
+  /// Notes that a list of keys which is read of the table has the key, whether or not it can be
+  /// here: no message takes it for another one that was misspelt.
+  void Expect(std::string_view key) const;
   /// Whether the value of the key is a table, for values that may be a table or something else.
   [[nodiscard]] bool IsTable(std::string_view key) const;
 
@@ -56,6 +59,8 @@ class TomlTable {
   std::vector<std::vector<std::string>> StringLists(std::string_view key);  ///< An array of arrays.
   TomlTable Table(std::string_view key);
   std::vector<TomlTable> Tables(std::string_view key);  ///< An array of tables.
+  /// @param what_to_write  for the message where there are none.
+  std::vector<TomlTable> Tables(std::string_view key, const std::string& what_to_write);
 
   /// Values that may be left out, with their defaults.
   double Number(std::string_view key, Range range, double absent);

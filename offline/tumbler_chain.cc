@@ -24,9 +24,9 @@ namespace {
 
 constexpr const char* kExitCodes =
     R"(Exit codes:
-  0  it fits and goes through
+  0  it fits, goes through, and each motion does what it is for
   1  wrong usage, a file that cannot be used or written, or a join that does not fit
-  4  the robot fell)";
+  4  the robot fell, missed what a motion is for, or the chain ended before that could be judged)";
 
 struct Arguments {
   std::string sequence;
@@ -91,6 +91,23 @@ ExitStatus Check(const Arguments& arguments) {
 /// The number, or null, since JSON has no infinity: the margin of a node that was not played.
 Json FiniteOrNull(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+Json PurposeOf(const PlayedNode& passage) {
+  Json purpose = Json::Array();
+  for (const JudgedTarget& judged : passage.purpose) purpose.Append(ToJson(judged));
+  return purpose;
+}
+
+/// Says which targets were not judged.
+void PrintNotJudged(const SequenceFile& file, const ChainOutcome& outcome, std::FILE* people) {
+  for (const PlayedNode& p : outcome.passages) {
+    for (const JudgedTarget& judged : p.purpose) {
+      if (judged.result) continue;
+      fmt::print(people, "{} at {:.2f} s: {}: {}\n", file.graph.node(p.node).name.view(), p.start_s,
+                 judged.name(), judged.Verdict());
+    }
+  }
+}
+
 Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
   Json json = {{"sequence", file.graph.name.view()},
                {"cycles", outcome.cycles},
@@ -119,7 +136,8 @@ Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
                              {"torque_margin_nm", FiniteOrNull(p.torque_margin_nm)},
                              {"peak_penetration_m", p.peak_penetration_m},
                              {"travelled_m", p.travelled_m},
-                             {"turned_rad", p.turned_rad}});
+                             {"turned_rad", p.turned_rad},
+                             {"purpose", PurposeOf(p)}});
   }
   return json;
 }
@@ -149,6 +167,16 @@ ExitStatus Simulate(const Arguments& arguments) {
   fmt::print(people, "{}: {} cycles in {:.2f} s, {:.3f} m along x; {}\n", file.graph.name.view(),
              outcome.cycles, outcome.duration_s, outcome.travelled_m,
              outcome.failure ? "it did not go through" : "no fall");
+  const ChainOutcome::Judged purposes = outcome.CountJudged();
+  if (!outcome.failure) {
+    fmt::print(people, "  {}{}\n",
+               purposes.judged + purposes.not_judged == 0
+                   ? "its motions are for nothing that could be judged"
+                   : fmt::format("{} of {} targets of what motions are for met", purposes.judged,
+                                 purposes.judged + purposes.not_judged),
+               purposes.not_judged == 0 ? "" : fmt::format(", {} NOT JUDGED", purposes.not_judged));
+    PrintNotJudged(file, outcome, people);
+  }
   const auto worst = std::min_element(outcome.passages.begin(), outcome.passages.end(),
                                       [](const PlayedNode& a, const PlayedNode& b) {
                                         return a.torque_margin_nm < b.torque_margin_nm;
@@ -162,7 +190,7 @@ ExitStatus Simulate(const Arguments& arguments) {
                WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
   }
   if (!arguments.json.empty()) WriteResult(arguments.json, ToJson(file, outcome).Dump(2) + '\n');
-  if (!outcome.failure) return ExitStatus::kDone;
+  if (!outcome.failure) return purposes.not_judged == 0 ? ExitStatus::kDone : ExitStatus::kAmiss;
   fmt::print(stderr, "failed: {} at {:.3f} s, in '{}': {}\n", ToString(outcome.failure->cause),
              outcome.failure->time_s, file.graph.node(outcome.failure->node).name.view(),
              outcome.failure->text);
@@ -186,9 +214,11 @@ ExitStatus Main(int argc, char** argv) {
   simulate.Option("--branch", arguments.options.branch,
                   "Take this branch once the cycles are done");
   simulate
-      .Option("--last-hold", arguments.options.last_hold_s,
-              "Hold after the last node [s]; on a bar, at most its settle phase; none after a "
-              "motion that ends in motion")
+      .Option(
+          "--last-hold", arguments.options.last_hold_s,
+          "Hold after the last node [s]; on a bar, at most until what the motion is for has been "
+          "judged; none after a "
+          "motion that ends in motion")
       .Within(0.0, 60.0)
       .ShowDefault();
   simulate

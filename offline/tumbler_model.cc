@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
@@ -18,11 +19,14 @@
 
 #include "common/command_line.h"
 #include "common/index.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/mjcf.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
+#include "offline/model/robot_review.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {
@@ -47,22 +51,80 @@ struct Arguments {
   std::string robot;
   std::string root = "planar-xz";
   std::string prescribed;
+  std::string locked;
   std::vector<double> gravity;
+  double velocity = 0;  ///< 0: not given.
   bool derivatives = false;
 };
 
-Robot LoadRobot(const Arguments& arguments) {
+RootKind RootOf(const Arguments& arguments) {
   RootKind root = RootKind::kPlanarXz;
   for (const auto& [name, kind] : kRoots) {
     if (arguments.root == name) root = kind;
   }
+  return root;
+}
+
+/// The joints of `--locked`.
+LockedJoints LockedOf(const Arguments& arguments) {
+  LockedJoints locked;
+  const std::string& list = arguments.locked;
+  for (std::size_t begin = 0; begin < list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string entry = list.substr(begin, end - begin);
+    begin = end + 1;
+    const std::size_t equals = entry.rfind('=');
+    double position = 0;
+    const char* const last = entry.data() + entry.size();
+    const bool number = equals != std::string::npos &&
+                        std::from_chars(entry.data() + equals + 1, last, position).ptr == last &&
+                        equals + 1 < entry.size() && std::isfinite(position);
+    if (!number) {
+      throw UsageError(
+          "--locked",
+          fmt::format("has '{}'; allowed, separated by commas: JOINT=POSITION, a finite "
+                      "number [rad, m]",
+                      entry));
+    }
+    locked[entry.substr(0, equals)] = position;
+  }
+  return locked;
+}
+
+/// Checks that the joints which were to be locked are there, and may be where they are.
+void CheckLocked(const Robot& robot, const LockedJoints& asked) {
+  for (const auto& [name, position] : asked) {
+    const auto found = std::find_if(robot.locked.begin(), robot.locked.end(),
+                                    [&](const LockedJoint& lock) { return lock.name == name; });
+    if (found == robot.locked.end()) {
+      throw UsageError("--locked",
+                       fmt::format("'{}' is no joint of {} that moves", name, robot.file));
+    }
+    if (position != found->position_rad) {
+      throw UsageError("--locked",
+                       fmt::format("{} is {}, but it follows {}, with which it is at {}; "
+                                   "leave it out",
+                                   name, position, found->with, found->position_rad));
+    }
+    if (position < found->limits.lower_rad || position > found->limits.upper_rad) {
+      throw UsageError("--locked", fmt::format("{} is {}; allowed: {:g} ... {:g}", name, position,
+                                               found->limits.lower_rad, found->limits.upper_rad));
+    }
+  }
+}
+
+Robot LoadRobot(const Arguments& arguments) {
   const std::string text = ReadTextFile(arguments.robot);
-  Robot robot = ParseRobot(text, arguments.robot, root);
+  const LockedJoints locked = LockedOf(arguments);
+  Robot robot = ParseRobot(text, arguments.robot, RootOf(arguments), locked);
+  CheckLocked(robot, locked);
   const UrdfSource source(text, arguments.robot);
   for (const RoundedAngle& angle : source.rounded_angles()) {
     fmt::print(stderr, "{}:{}: {}: note: {}\n", arguments.robot, angle.line, angle.key,
                Describe(angle));
   }
+  for (const RobotFinding& note : source.notes())
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", robot.file, note.line, note.key, note.problem);
   return robot;
 }
 
@@ -88,21 +150,36 @@ std::string Short(double value) {
 
 void PrintDegreesOfFreedom(const Robot& robot) {
   fmt::print("degrees of freedom: {}\n", robot.tree.dofs.size());
-  fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", "name", "kind",
-             "axis at zero", "lower", "upper", "velocity", "effort", "damping", "moves");
+  fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", "name", "kind",
+             "axis at zero", "lower", "upper", "velocity", "effort", "damping", "friction",
+             "moves");
   for (const int dof : robot.file_order) {
     const std::size_t j = Index(dof);
     const Dof<Spatial>& d = robot.tree.dofs[j];
     const SpaceVector& axis = d.kind == JointKind::kRevolute ? d.axis : d.direction;
     const RobotJointLimits& limits = robot.joints[j].limits;
-    fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", d.name,
+    fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", d.name,
                KindOf(robot, j),
                fmt::format("({}, {}, {})", Short(axis.x()), Short(axis.y()), Short(axis.z())),
                Short(limits.lower_rad), Short(limits.upper_rad), Short(limits.velocity_rad_s),
-               Short(limits.effort_nm), Short(d.damping_nm_s_per_rad), robot.joints[j].link);
+               Short(limits.effort_nm), Short(d.damping_nm_s_per_rad),
+               Short(robot.joints[j].dry_friction_nm), robot.joints[j].link);
   }
   fmt::print(
-      "  (rad, rad/s, N m, N m s/rad; prismatic: m, m/s, N, N s/m; axes in the root's frame)\n");
+      "  (rad, rad/s, N m, N m s/rad, N m; prismatic: m, m/s, N, N s/m, N; axes in the root's "
+      "frame)\n");
+  for (const LockedJoint& joint : robot.locked) {
+    fmt::print("  {:<20} locked at {}{}\n", joint.name, Short(joint.position_rad),
+               joint.with.empty() ? "" : fmt::format(", with {}", joint.with));
+  }
+  const bool rubs = std::any_of(robot.joints.begin(), robot.joints.end(),
+                                [](const RobotJoint& joint) { return joint.dry_friction_nm > 0; });
+  if (rubs) {
+    fmt::print(
+        "  Damping is in plans and in the twin. Dry friction is in the twin, and in plans whose "
+        "task "
+        "has [motor].\n");
+  }
 }
 
 void PrintMasses(const Robot& robot) {
@@ -141,7 +218,7 @@ void PrintUndetermined(const Robot& robot) {
           "moves no mass: it can only be prescribed; give the link, or one that it carries, an "
           "<inertial>");
   }
-  if (!all_move_mass) return;
+  if (!all_move_mass || robot.tree.dofs.size() > Index(Spatial::kMaxDofs)) return;
   Dynamics dynamics(robot.tree);
   const std::vector<double> zero(robot.tree.dofs.size());
   std::vector<double> qdd = zero, tau = zero;
@@ -154,8 +231,79 @@ void PrintUndetermined(const Robot& robot) {
   }
 }
 
+void PrintFindings(const Robot& robot, const std::vector<RobotFinding>& findings) {
+  for (const RobotFinding& finding : findings)
+    fmt::print("    {}:{}: {}: {}\n", robot.file, finding.line, finding.key, finding.problem);
+}
+
+/// Whether a task takes the robot, and what it needs for that.
+void PrintUse(const RobotReview& review) {
+  const Robot& robot = *review.robot;
+  fmt::print("can be looked at: yes\n");
+  if (robot.root == RootKind::kFloating) {
+    fmt::print("can be planned: no, a task's root is planar-xz, fixed or hinge-y\n");
+    return;
+  }
+  if (review.obstacles.empty() && review.CanBePlanned()) {
+    if (review.touches) {
+      fmt::print("can be planned: yes, tumbler-optimize takes it\n");
+    } else {
+      fmt::print(
+          "can be planned: only where it touches nothing (obstacle = []); to touch anything it "
+          "needs "
+          "collision shapes: spheres, cylinders, capsules or boxes\n");
+    }
+    const std::string through = LinksWithoutContact(ReduceToPlane(robot));
+    if (review.touches && !through.empty())
+      fmt::print("note: no collision shape, so passes through the ground: {}\n", through);
+    return;
+  }
+  fmt::print("can be planned: not yet{}\n", review.obstacles.empty() ? "" : "; in the way:");
+  PrintFindings(robot, review.obstacles);
+  if (!review.to_lock.empty()) {
+    fmt::print(
+        "  joints that no task moves, for the task (or lock them where you want them):\n    {}\n",
+        LockedAsToml(review.to_lock));
+    fmt::print("  joints left with these locked: {}\n",
+               review.joints_left.empty() ? "none"
+                                          : fmt::format("{}", fmt::join(review.joints_left, ", ")));
+  }
+  if (review.joints_left.empty()) fmt::print("  it needs a joint that moves in the x-z plane\n");
+  if (const std::size_t more = review.TooMany(); more > 0) {
+    fmt::print(
+        "  it needs {} more of these {} joints locked: a task moves up to {}, and has up to {} "
+        "coordinates with its root\n    {}\n",
+        more, review.joints_left.size(), RobotReview::kMostMoved, Plane::kMaxDofs,
+        fmt::join(review.joints_left, ", "));
+  }
+  if (!review.to_lock.empty() && !review.left.empty()) {
+    fmt::print("  with these joints locked it still needs another file:\n");
+    PrintFindings(robot, review.left);
+  }
+  if (!review.touches) {
+    fmt::print(
+        "  to touch anything it needs collision shapes: spheres, cylinders, capsules or boxes\n");
+  }
+  if (review.CanBePlanned()) {
+    fmt::print("can be planned with these joints locked: {}\n",
+               review.touches ? "yes" : "only where it touches nothing (obstacle = [])");
+  }
+}
+
 ExitStatus Check(const Arguments& arguments) {
-  const Robot robot = LoadRobot(arguments);
+  const std::string text = ReadTextFile(arguments.robot);
+  const LockedJoints locked = LockedOf(arguments);
+  const RobotReview review = ReviewRobot(text, arguments.robot, RootOf(arguments), locked);
+  for (const RobotFinding& mistake : review.mistakes) {
+    fmt::print(
+        stderr, "error: {}\n",
+        Printable(FileError(arguments.robot, mistake.line, mistake.key, mistake.problem).what()));
+  }
+  if (!review.robot) return ExitStatus::kUnusable;
+  const Robot& robot = *review.robot;
+  CheckLocked(robot, locked);
+  for (const RobotFinding& note : review.notes)
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", robot.file, note.line, note.key, note.problem);
   fmt::print("robot '{}', root link '{}' {}\n", robot.name, robot.links.front().name,
              robot.root == RootKind::kFixed      ? "fixed to the world"
              : robot.root == RootKind::kPlanarXz ? "free in the x-z plane"
@@ -165,27 +313,13 @@ ExitStatus Check(const Arguments& arguments) {
   PrintMasses(robot);
   for (const RobotFinding& finding : robot.findings) PrintFinding(robot, finding, "warning");
   PrintUndetermined(robot);
-  const std::vector<IgnoredShape> ignored = robot.root == RootKind::kFloating
-                                                ? SpatialContactShapes(robot).ignored
-                                                : PlanarContactShapes(robot).ignored;
-  for (const IgnoredShape& shape : ignored) {
+  for (const IgnoredShape& shape : review.ignored_shapes) {
     PrintFinding(
         robot,
         {shape.line, fmt::format("link '{}'", shape.link), shape.reason + ": contact ignores it"},
         "note");
   }
-  if (robot.root == RootKind::kFloating) {
-    fmt::print("tumbler-optimize does not take it: a task's root is planar-xz, fixed or hinge-y\n");
-  } else {
-    try {
-      const std::string through = LinksWithoutContact(ReduceToPlane(robot));
-      if (!through.empty())
-        fmt::print("note: no collision shape, so passes through the ground: {}\n", through);
-      fmt::print("tumbler-optimize takes it\n");
-    } catch (const FileError& error) {
-      fmt::print("tumbler-optimize does not take it: {}\n", error.what());
-    }
-  }
+  PrintUse(review);
   FlushOutput();
   return ExitStatus::kDone;
 }
@@ -427,6 +561,13 @@ class HybridPrinter {
 
 ExitStatus Hybrid(const Arguments& arguments) {
   Robot robot = LoadRobot(arguments);
+  if (robot.tree.dofs.size() > Index(Spatial::kMaxDofs)) {
+    throw FileError(
+        robot.file, 0, "",
+        fmt::format("the robot has {} coordinates; its dynamics are evaluated with up to "
+                    "{}: lock some joints (--locked)",
+                    robot.tree.dofs.size(), Spatial::kMaxDofs));
+  }
   Prescribe(robot, arguments.prescribed);
   if (!arguments.gravity.empty()) {
     robot.tree.gravity =
@@ -457,14 +598,25 @@ ExitStatus Hybrid(const Arguments& arguments) {
   return ExitStatus::kDone;
 }
 
+ExitStatus Urdf(const Arguments& arguments) {
+  std::optional<double> velocity;
+  if (arguments.velocity > 0) velocity = arguments.velocity;
+  const MjcfRobot robot = ReadMjcf(arguments.robot, velocity);
+  for (const std::string& note : robot.notes) fmt::print(stderr, "note: {}\n", Printable(note));
+  fmt::print("{}", robot.urdf);
+  FlushOutput();
+  return ExitStatus::kDone;
+}
+
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line("Shows what a robot file (URDF) holds, and evaluates its equations of motion.",
                    "tumbler-model");
   line.SetFooter(kExitCodes);
   line.RequireSubcommand();
-  CommandLine check = line.Subcommand(
-      "check", "Degrees of freedom, masses, what is not physical, collision shapes without use");
+  CommandLine check = line.Subcommand("check",
+                                      "Degrees of freedom, masses, and everything that stands in "
+                                      "the way of a task with it, at once");
   CommandLine hybrid = line.Subcommand(
       "hybrid",
       "Hybrid dynamics (tau_a, qdd_p) = g(q, qd, qdd_a) of states from standard input.\n\n"
@@ -486,11 +638,19 @@ ExitStatus Main(int argc, char** argv) {
       "acceleration).\n"
       "Forces stay constant in world axes then, and their points move with the links.\n"
       "Free joints have no force of their own but the damping of the file.");
+  CommandLine urdf = line.Subcommand(
+      "urdf", "Writes a robot of MJCF, which MuJoCo reads, as a URDF to standard output");
+  urdf.Option("ROBOT", arguments.robot, "Robot file (MJCF)").Required();
+  urdf.Option("--velocity", arguments.velocity,
+              "Limit of all joints [rad/s, m/s], of which MJCF has none; a task needs one")
+      .Within(1e-3, 1e3);
   for (CommandLine command : {check, hybrid}) {
     command.Option("ROBOT", arguments.robot, "Robot file (URDF)").Required();
     command.Option("--root", arguments.root, "How the root link is held")
         .OneOf({"planar-xz", "fixed", "hinge-y", "floating"})
         .ShowDefault();
+    command.Option("--locked", arguments.locked,
+                   "Joints that are held, and where [rad, m]: JOINT=POSITION, separated by commas");
   }
   hybrid.Option("--prescribed", arguments.prescribed,
                 "Joints (or coordinates of the root) whose acceleration is given, separated "
@@ -499,6 +659,7 @@ ExitStatus Main(int argc, char** argv) {
   hybrid.Option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
       .TakesValues(3, "X Y Z");
   line.Parse(argc, argv);
+  if (urdf.given()) return Urdf(arguments);
   return check.given() ? Check(arguments) : Hybrid(arguments);
 }
 

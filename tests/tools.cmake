@@ -76,11 +76,17 @@ if(TUMBLER_CORTEX_M)
   tumbler_tool(qemu FOUND ${TUMBLER_QEMU_ARM} PACKAGES qemu-system-arm)
 endif()
 
-# The reference reader of MCAP and what decodes its messages; scripts/setup has npm install them.
+# The reference reader of MCAP and what decodes its messages, and a linter of TOML; scripts/setup has npm install them.
 find_program(TUMBLER_NODE node)
 set(TUMBLER_NODE_MODULES ${PROJECT_SOURCE_DIR}/build/npm/node_modules)
 set(TUMBLER_HAS_MCAP_READER FALSE)
 if(TUMBLER_NODE AND EXISTS ${TUMBLER_NODE_MODULES}/@mcap/core/package.json)
   set(TUMBLER_HAS_MCAP_READER TRUE)
 endif()
+set(TUMBLER_TAPLO ${TUMBLER_NODE_MODULES}/.bin/taplo)
+set(TUMBLER_HAS_TAPLO FALSE)
+if(TUMBLER_NODE AND EXISTS ${TUMBLER_TAPLO})
+  set(TUMBLER_HAS_TAPLO TRUE)
+endif()
+tumbler_tool(taplo FOUND ${TUMBLER_HAS_TAPLO} PACKAGES nodejs npm @taplo/cli)
 tumbler_tool(mcap_reader FOUND ${TUMBLER_HAS_MCAP_READER} PACKAGES nodejs npm @mcap/core)

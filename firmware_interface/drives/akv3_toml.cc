@@ -50,6 +50,7 @@ void ReadModel(TomlTable& table, std::string_view key, AkV3Config& config) {
 constexpr std::array kModelKeys = {
     KeyReadBy<AkV3Config>("model", ReadModel,
                           "gives `pole_pairs`, `gear_inside` and `[drive.range]` as delivered")
+        .Schema(R"({"type": "string"})")
         .Allowed("[see there](#models)"),
 };
 

@@ -86,6 +86,8 @@ constexpr std::array kSetUpKeys = {
     KeyReadBy<Cia402Entry>("may_lack", ReadMayLack,
                            "objects that the drive may not have, e.g. `[\"60C2h\"]`; 6007h only "
                            "without a watchdog")
+        .Schema(
+            R"({"type": "array", "items": {"enum": ["1006h", "60C2h", "605Ah", "6065h", "6007h"]}})")
         .Default("none")
         .Allowed("1006h, 60C2h, 605Ah, 6065h, 6007h"),
     KeyOf<&Cia402Entry::eds>("eds",

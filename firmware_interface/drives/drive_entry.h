@@ -17,6 +17,9 @@ struct DriveEntry {
   float kd_nm_s_per_rad = 0;
   float temperature_max_c = 80;  ///< A hotter drive is a fault.
   double watchdog_s = 0.025;     ///< Setting of the drive's time-out; 0: it has none.
+  /// Rate of the drive's own loop, in which it computes its torque from its gains; 0: not known.
+  /// Whether its damping is stable depends on it (common/damping_bound.h).
+  double loop_hz = 0;
 };
 
 }  // namespace tumbler

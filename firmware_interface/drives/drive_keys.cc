@@ -21,6 +21,7 @@ void ReadDirection(TomlTable& table, std::string_view key, JointMap& joint) {
 constexpr std::array kJointKeys = {
     KeyOf<&JointMap::direction>("direction", "-1 where the drive turns against the joint")
         .Allowed("1, -1")
+        .Schema(R"({"enum": [1, -1]})")
         .ReadBy(ReadDirection),
     KeyOf<&JointMap::gear_ratio>("gear_ratio", {0.001, 1000},
                                  "turns of the drive's shaft per turn of the joint"),
@@ -51,6 +52,7 @@ void ReadShaftRange(TomlTable& table, std::string_view key, ShaftRangesEntry& ra
 template <auto kMember, auto kMost>
 constexpr FileKey<ShaftRangesEntry> ShaftRangeOf(std::string_view name) {
   return KeyReadBy<ShaftRangesEntry>(name, ReadShaftRange<kMember, kMost>, "at the drive's shaft")
+      .Schema(R"({"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})")
       .Required()
       .Allowed("[min, max] around 0");
 }
@@ -88,6 +90,7 @@ template <auto kMember, auto kCarried>
 constexpr FileKey<GainsEntry> GainOf(std::string_view name) {
   return KeyReadBy<GainsEntry>(name, ReadGain<kMember, kCarried>,
                                "gains at the joint: sent, or what the drive's own amount to")
+      .Schema(R"({"type": "number", "minimum": 0})")
       .Required()
       .Allowed("0 to what the protocol carries; above 0 where it carries none");
 }

@@ -45,6 +45,7 @@ constexpr auto RangeOf(std::string_view name, const char* meaning) {
                ranges.*kMember = ReadRange(table, key, kFromZero);
              },
              meaning)
+      .Schema(R"({"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})")
       .Allowed(kFromZero ? "[0, max]" : "[min, max] around 0");
 }
 

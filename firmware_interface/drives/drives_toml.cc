@@ -32,6 +32,7 @@ constexpr std::array kRootKeys = {
     KeyReadBy<DrivesConfig>("unfinished", ReadUnfinished,
                             "what commissioning has left to do; only `tumbler-bench` reads such a "
                             "file")
+        .Schema(R"({"type": "string", "minLength": 1})")
         .Default("none")
         .Allowed("any text"),
 };
@@ -65,9 +66,11 @@ void ReadProtocol(TomlTable& table, std::string_view key, DriveHead& drive) {
 
 constexpr std::array kHeadKeys = {
     KeyReadBy<DriveHead>("joint", ReadJointName, "name in the URDF")
+        .Schema(R"({"type": "string", "minLength": 1, "maxLength": 32})")
         .Required()
         .Allowed("1 to 32 bytes, unique"),
     KeyReadBy<DriveHead>("protocol", ReadProtocol, "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("that of a page in [protocols/](protocols/)"),
 };
@@ -76,6 +79,14 @@ constexpr std::array kTemperatureKeys = {
     KeyOf<&DriveEntry::temperature_max_c>("temperature_max_c", {0, 200, true},
                                           "above it the run stops")
         .Required(),
+};
+
+constexpr std::array kLoopKeys = {
+    KeyOf<&DriveEntry::loop_hz>(
+        "loop_hz", {100, 1e6},
+        "rate of the drive's own loop, which computes its torque: whether kd is stable "
+        "[depends on it](driving.md#damping-and-the-drives-own-loop)")
+        .Default("not known"),
 };
 
 DriveTraffic TrafficOf(const DriveEntry& drive, double rate_hz) {
@@ -96,6 +107,7 @@ DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig&
     if (head.protocol == Protocol::kName) drive.config = Protocol::Read(of_drive);
   });
   ReadKeys(table, kTemperatureKeys, drive);
+  ReadKeys(table, kLoopKeys, drive);
   ReadWatchdog(table, drive);
   if (Validate(drive.config) != Status::kOk) {
     table.Fail("", "does not describe a drive of this protocol");
@@ -309,6 +321,7 @@ KeyTable DrivesKeyTable() {
                   JointRows(),
                   GainRows(),
                   RowsOf(kTemperatureKeys),
+                  RowsOf(kLoopKeys),
                   {WatchdogRow()},
                   ShaftRangeRows(),
                   SensorRows()})};
@@ -358,6 +371,7 @@ DrivesConfig DefaultDrives(const std::vector<std::string>& joints, double kp_nm_
     entry.config = MitProtocol::Example(static_cast<int>(i));
     entry.kp_nm_per_rad = static_cast<float>(kp_nm_per_rad);
     entry.kd_nm_s_per_rad = static_cast<float>(kd_nm_s_per_rad);
+    entry.loop_hz = kMitFirmwareLoop_hz;
     drives.drives.push_back(entry);
   }
   return drives;

@@ -5,6 +5,7 @@
 #include <span>
 #include <string_view>
 
+#include "common/default_drives.h"
 #include "firmware_interface/drives/configured_drive.h"
 #include "firmware_interface/drives/drive_protocol.h"
 #include "firmware_interface/drives/impedance.h"
@@ -47,7 +48,16 @@ namespace tumbler {
 
 /// Ranges of bgkatz firmware and of an AK80-9.
 inline constexpr ImpedanceRanges kMitRanges = {
-    {-12.5F, 12.5F}, {-50.0F, 50.0F}, {0.0F, 500.0F}, {0.0F, 5.0F}, {-18.0F, 18.0F}};
+    {-kDefaultDrives.position_rad, kDefaultDrives.position_rad},
+    {-kDefaultDrives.velocity_rad_s, kDefaultDrives.velocity_rad_s},
+    {0.0F, kDefaultDrives.kp_nm_per_rad},
+    {0.0F, kDefaultDrives.kd_nm_s_per_rad},
+    {-kDefaultDrives.torque_nm, kDefaultDrives.torque_nm}};
+
+/// The rate at which bgkatz firmware computes its torque: in every interrupt of its PWM timer, of
+/// 25 us (DT in Core/Inc/hw_config.h, run_fsm in Core/Src/fsm.c of github.com/bgkatz/motorcontrol).
+/// Neither T-Motor nor Damiao state theirs.
+inline constexpr double kMitFirmwareLoop_hz = 40'000;
 
 /// Whose firmware it is, where firmwares differ in what they reply.
 enum class MitDialect : std::uint8_t {

@@ -27,8 +27,8 @@ constexpr std::array kDialectKeys = {
 };
 
 /// The ranges that the firmware of a model is delivered with: +-12.5 rad, kp 0 ... 500, kd 0 ... 5,
-/// and these. docs/protocols/mit.md says where published tables disagree. DM4340 is not here, since
-/// they give it 8 or 10 rad/s.
+/// and these. No source states the rate of their own loops. docs/protocols/mit.md says where
+/// published tables disagree. DM4340 is not here, since they give it 8 or 10 rad/s.
 struct MitModel {
   std::string_view name;
   MitDialect dialect;
@@ -61,6 +61,7 @@ void ReadModel(TomlTable& table, std::string_view key, MitConfig& mit) {
 }
 constexpr std::array kModelKeys = {
     KeyReadBy<MitConfig>("model", ReadModel, "gives `dialect` and `[drive.range]` as delivered")
+        .Schema(R"({"type": "string"})")
         .Allowed("[see there](#models)"),
 };
 

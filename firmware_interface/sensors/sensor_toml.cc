@@ -26,9 +26,11 @@ void ReadLink(TomlTable& table, std::string_view key, SensorEntry& sensor) {
 
 constexpr std::array kSensorHeadKeys = {
     KeyReadBy<SensorEntry>("protocol", ReadSensorProtocol, "")
+        .Schema(R"({"enum": ["xsens-mti"]})")
         .Required()
         .Allowed("`\"xsens-mti\"`"),
     KeyReadBy<SensorEntry>("link", ReadLink, "that carries the sensor, as in the URDF")
+        .Schema(R"({"type": "string", "minLength": 1, "maxLength": 32})")
         .Required()
         .Allowed("1 to 32 bytes"),
 };

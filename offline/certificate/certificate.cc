@@ -318,14 +318,12 @@ namespace {
 double LargestExcess(const Primitive<double>& primitive, const MotionSummary& summary) {
   double excess = std::max(0.0, summary.excess);
   for (const JointMotion<double>& motion : primitive.motions()) {
-    const JointLimits<double>& limits = motion.limits;
-    for (const double q : motion.position.control_points(0)) {
-      excess = std::max({excess, q - limits.position_max_rad, limits.position_min_rad - q});
-    }
-    for (const double qd : motion.position.control_points(1))
-      excess = std::max(excess, std::abs(qd) / limits.velocity_max_rad_s - 1);
-    for (const double qdd : motion.position.control_points(2))
-      excess = std::max(excess, std::abs(qdd) / limits.acceleration_max_rad_s2 - 1);
+    const auto bounds = BoundsOf(motion, motion.limits);
+    const auto beyond = [](const Bound& bound) {
+      return std::max(bound.path.max - bound.max, bound.min - bound.path.min);
+    };
+    excess = std::max({excess, beyond(bounds[0]), beyond(bounds[1]) / bounds[1].max,
+                       beyond(bounds[2]) / bounds[2].max});
   }
   return excess;
 }

@@ -46,6 +46,9 @@ class DrivenRobot {
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const ActuatedJoint& joint = problem.joints[j];
       drives_.push_back({PositionSpline(problem, x, j), feed_forward[j], {}});
+      dry_friction_nm_.push_back(problem.scene.motors.empty()
+                                     ? problem.scene.robot.dry_friction_nm[Index(joint.dof)]
+                                     : joint.motor.dry_friction_nm);
       state_[robot_.free.size() + Index(robot_.FreeIndexOf(joint.dof))] = joint.start_rad_s;
     }
   }
@@ -124,13 +127,14 @@ class DrivenRobot {
                             setpoint.torque_nm;
       const double limit = joint.limits.torque_max_nm * (1 - joint.motor.LackAt(wanted, velocity));
       robot_.tau[dof] = std::clamp(wanted, -limit, limit) -
-                        EvaluateDryFriction(joint.motor.dry_friction_nm, velocity).torque_nm;
+                        EvaluateDryFriction(dry_friction_nm_[j], velocity).torque_nm;
     }
     robot_.Solve();
     robot_.TakeSlope(k);
   }
 
   const Problem& problem_;
+  std::vector<double> dry_friction_nm_;  // of each joint
   DriveGains gains_;
   SceneDynamics robot_;
   SceneDynamics::State state_;

@@ -190,7 +190,8 @@ class Looker {
       if (rests && goes_on && !at_end && (rest || !term.of_velocity))
         look_.purpose.push_back(FigureOf(term, later_, kLater));
     }
-    if (rests) {
+    // That a root which is fixed to the world rests says nothing.
+    if (rests && problem_.scene.robot.root_dofs > 0) {
       look_.purpose.push_back(
           {{PurposeTarget::Of::kSpeed, goes_on ? kLater : kSettled, 0, kRestSpeed}, speed_});
     }

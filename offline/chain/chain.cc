@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -15,6 +16,7 @@
 
 #include "common/index.h"
 #include "common/toml_reader.h"
+#include "offline/problem/purpose_gauge.h"
 #include "offline/scene/passive_limits.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
@@ -38,6 +40,7 @@ struct World {
       : file(f), problem(p), robot(p.scene), distances(p.scene.robot, p.scene.self_contact.All()) {
     for (const JointMotion<double>& motion : file.primitive.motions())
       dof_of_joint.push_back(Index(problem.scene.robot.FindDof(motion.name.view())));
+    for (const PurposeFigure& figure : file.purpose) gauges.emplace_back(figure, p.scene.robot);
     for (const ContactInterval& interval : file.contacts) {
       for (const ContactShape<Plane>& shape : problem.scene.robot.shapes) {
         if (shape.name == interval.shape) touching_bodies.insert(shape.body);
@@ -51,6 +54,7 @@ struct World {
   SelfDistances distances;
   std::vector<std::size_t> dof_of_joint;  // in the order of the primitive's joints
   std::set<int> touching_bodies;          // that touch anything in the plan
+  std::vector<PurposeGauge> gauges;       // of the purpose's targets
 
   /// The root's pitch when the primitive is played alone, from its own entry.
   struct PlannedPitch {
@@ -95,6 +99,7 @@ class Simulation {
     for (;;) {
       PlayedNode& passage = outcome_.passages.emplace_back();
       passage.node = node;
+      followed_ = false;
       passage.start_s = start_s_ = time_;
       passage.torque_margin_nm = std::numeric_limits<double>::infinity();
       if (!Enter(passage)) break;
@@ -107,6 +112,7 @@ class Simulation {
         outcome_.cycles += ends_cycle ? 1 : 0;
         since_cycle = ends_cycle ? 0 : since_cycle + 1;
         edge = NextEdge(file_.graph, node, outcome_.cycles, Request(branched));
+        followed_ = edge >= 0;
         branched = branched || (edge >= 0 && file_.graph.edge(edge).when == EdgeCondition::kBranch);
         going = Hold(passage, edge < 0 ? LastHold(node) : file_.graph.edge(edge).settle_s);
       }
@@ -169,8 +175,12 @@ class Simulation {
   /// that is to move at the end is not held.
   [[nodiscard]] double LastHold(int node) {
     if (WorldOf(node).problem.ends_moving()) return 0;
-    const double settle_s = WorldOf(node).file.primitive.settle_s;
-    return hinged_ ? std::min(options_.last_hold_s, settle_s) : options_.last_hold_s;
+    if (!hinged_) return options_.last_hold_s;
+    const PrimitiveFile& file = WorldOf(node).file;
+    double until_s = file.primitive.duration_s + file.primitive.settle_s;
+    for (const PurposeFigure& figure : file.purpose)
+      until_s = std::max(until_s, DueTimeOf(figure, file));
+    return std::min(options_.last_hold_s, until_s - file.primitive.duration_s);
   }
 
   /// Plays the node's primitive alone, as it was planned.
@@ -224,6 +234,7 @@ class Simulation {
     passage.entry_z_error_m = root_ ? RootZ() - entry.root_z_m : 0.0;
     passage.entry_pitch_error_rad = PitchError(passage.node, entry.root_pitch_rad);
     passage.entry_speed = RootSpeed();
+    BeginPurpose(passage);
     const JoinTolerances& t = file_.tolerances;
     if (!(std::abs(passage.entry_z_error_m) <= t.root_z_m)) {
       return Fail(ChainFailure::Cause::kEntry, passage.node,
@@ -251,10 +262,83 @@ class Simulation {
                       : kPi / 2 - half_turn <= kPostureTolerance ? Posture::kUpright
                                                                  : Posture::kInclined;
     const double tolerance = file_.exit_pitch_tolerance_rad[Index(passage.node)];
-    if (std::abs(passage.exit_pitch_error_rad) <= tolerance) return true;
-    return Fail(ChainFailure::Cause::kExit, passage.node,
-                fmt::format("root, pitch: {} rad from the recorded exit; allowed: {} rad",
-                            MessageText(passage.exit_pitch_error_rad), MessageText(tolerance)));
+    if (!(std::abs(passage.exit_pitch_error_rad) <= tolerance)) {
+      return Fail(ChainFailure::Cause::kExit, passage.node,
+                  fmt::format("root, pitch: {} rad from the recorded exit; allowed: {} rad",
+                              MessageText(passage.exit_pitch_error_rad), MessageText(tolerance)));
+    }
+    for (const JudgedTarget& judged : passage.purpose) {
+      if (judged.met() != false) continue;
+      return Fail(ChainFailure::Cause::kPurpose, passage.node,
+                  fmt::format("{}: {}", judged.name(), judged.Verdict()));
+    }
+    return true;
+  }
+
+  static double DueTimeOf(const PurposeTarget& target, const PrimitiveFile& file) {
+    return DueTime(target, file.primitive.duration_s, file.primitive.settle_s);
+  }
+
+  /// Notes where the motion begins: its task has it at the primitive's entry.
+  void BeginPurpose(PlayedNode& passage) {
+    const World& world = WorldOf(passage.node);
+    for (std::size_t i = 0; i < world.gauges.size(); ++i)
+      passage.purpose.push_back({world.file.purpose[i], {}, {}, world.gauges[i].obstacle()});
+    const double entry_rad = world.file.entry.root_pitch_rad;
+    task_x_m_ = world.file.entry.root_x_m - RootX();
+    task_pitch_rad_ = PitchError(passage.node, entry_rad) + entry_rad - RootPitch();
+  }
+
+  /// Judges the targets that are due at a time since the start of the node.
+  /// @param all  judges all, since the next motion begins.
+  /// @pre the world's robot is in the state at that time.
+  void JudgePurpose(PlayedNode& passage, const World& world, double time_s, bool all) {
+    const double duration_s = world.file.primitive.duration_s;
+    const bool swings_on = hinged_ && !world.file.primitive.feedback.present();
+    for (std::size_t i = 0; i < passage.purpose.size(); ++i) {
+      JudgedTarget& judged = passage.purpose[i];
+      if (judged.result || !judged.obstacle.empty()) continue;
+      const bool rests = judged.target.when == PurposeTarget::When::kSettled ||
+                         judged.target.when == PurposeTarget::When::kLater;
+      const bool waits = rests && followed_ && !swings_on;
+      if (!all && (waits || time_s < DueTimeOf(judged.target, world.file) - 1e-9)) continue;
+      judged.result = ValueOf(passage.node, world, i);
+      judged.after_s = time_s - duration_s;
+    }
+  }
+
+  /// The value of a target in the coordinates of the task.
+  [[nodiscard]] double ValueOf(int node, const World& world, std::size_t target) {
+    if (world.file.purpose[target].of == PurposeTarget::Of::kSpeed)
+      return std::ranges::max(speeds_, {}, &SpeedAt::speed).speed;
+    SceneDynamics::Numbers q = world.robot.q, qd = world.robot.qd;
+    if (root_) {
+      q[0] = RootX() + task_x_m_;
+      q[1] = RootZ();
+      q[2] = RootPitch() + task_pitch_rad_;
+    }
+    for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
+      const std::size_t role =
+          world.dof_of_joint[Index(file_.graph.RoleOf(node, static_cast<int>(j)))];
+      q[role] = world.robot.q[world.dof_of_joint[j]];
+      qd[role] = world.robot.qd[world.dof_of_joint[j]];
+    }
+    return world.gauges[target].At({q.data(), world.robot.n}, {qd.data(), world.robot.n});
+  }
+
+  /// Judges at the end of a motion or a hold, where no step begins.
+  /// @param t  of the primitive; kHeld: after it.
+  void JudgeAtEnd(PlayedNode& passage, World& world, double t, bool all) {
+    if (planning_ || passage.purpose.empty()) return;
+    NoteSpeed();
+    world.robot.SetFree(root_state_);
+    Prescribe(passage.node, world, t);
+    JudgePurpose(passage, world, time_ - start_s_, all);
+  }
+
+  void NoteSpeed() {
+    speeds_.push_back({time_, RootSpeed()});
+    while (speeds_.front().time_s < time_ - kRestWatched_s) speeds_.pop_front();
   }
 
   /// Where the robot's centre of mass is, seen from its bar.
@@ -279,6 +363,7 @@ class Simulation {
       if (!Step(passage, world, steps.step_s, time_at)) return false;
       time_ = start + time_at(1);
     }
+    JudgeAtEnd(passage, world, duration, false);
     return true;
   }
 
@@ -291,6 +376,7 @@ class Simulation {
       if (!Step(passage, world, steps.step_s, [](double) { return kHeld; })) return false;
       time_ = start + (i + 1.0) / steps.count * hold_s;
     }
+    JudgeAtEnd(passage, world, kHeld, followed_);
     return true;
   }
 
@@ -344,6 +430,8 @@ class Simulation {
       world.plan.push_back({time_ - start_s_, RootPitch() - file_.RobotPitch(node, 0)});
       return true;
     }
+    NoteSpeed();
+    JudgePurpose(passage, world, time_ - start_s_, false);
     const double off = PitchError(node, world.PlannedPitchAt(time_ - start_s_));
     const double allowed = std::max(kFallenPitch, file_.exit_pitch_tolerance_rad[Index(node)]);
     if (std::abs(off) > allowed) {
@@ -427,6 +515,13 @@ class Simulation {
   double start_s_ = 0;     // of the node
   bool planning_ = false;  // playing a primitive alone
   double start_x_ = 0;
+  bool followed_ = false;  // whether another motion follows the one that is held
+  // What makes the root's x and pitch those of the node's task.
+  double task_x_m_ = 0, task_pitch_rad_ = 0;
+  struct SpeedAt {
+    double time_s, speed;
+  };
+  std::deque<SpeedAt> speeds_;  // of the root, in the last kRestWatched_s
   MotionSample sample_;
   ChainOutcome outcome_;
 };
@@ -467,10 +562,21 @@ const char* ToString(ChainFailure::Cause cause) {
       return "fallen";
     case ChainFailure::Cause::kExit:
       return "exit";
+    case ChainFailure::Cause::kPurpose:
+      return "purpose";
     case ChainFailure::Cause::kEntry:
       return "entry";
   }
   return "unknown";
+}
+
+ChainOutcome::Judged ChainOutcome::CountJudged() const {
+  Judged count;
+  for (const PlayedNode& passage : passages) {
+    for (const JudgedTarget& judged : passage.purpose)
+      ++(judged.result ? count.judged : count.not_judged);
+  }
+  return count;
 }
 
 void RequireSameGround(const SimulatedMotion& motion) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/purpose.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/scene/motion_sample.h"
 
@@ -17,7 +18,8 @@ struct ChainOptions {
   /// When a branch is named, the chain goes on after its cycles until it can take this branch.
   std::string branch;
   /// How long the last node is held. The exit recorded in a primitive is where the robot is after
-  /// 2 s. A motion that ends in motion is not held.
+  /// 2 s. A motion that ends in motion is not held, and one on a bar until what it is for has been
+  /// judged, at most so long.
   double last_hold_s = 2;
   /// Integration step; 0: the step of each primitive's task.
   double step_s = 0;
@@ -62,6 +64,11 @@ struct PlayedNode {
   double travelled_m = 0;
   /// How far the root turned, whole turns included.
   double turned_rad = 0;
+  /// What the motion is for, each target at its instant, in the coordinates of its task: as if it
+  /// had begun where its primitive begins. What is asked for at the end of the settle phase and
+  /// later is taken just before the next motion begins, where there is one. Of a target whose
+  /// instant the chain did not reach there is no result.
+  std::vector<JudgedTarget> purpose;
 };
 
 /// Why a chain ended before its time.
@@ -74,6 +81,7 @@ struct ChainFailure {
     kStop,         ///< A joint without a motor went beyond its limits.
     kFallen,       ///< The root turned far from where it is when the primitive is played alone.
     kExit,         ///< At the end of the hold, the pitch was out of the node's tolerance.
+    kPurpose,      ///< A target of what the motion is for was missed.
     kEntry,        ///< Height or pitch were out of the tolerances when the next node was to begin.
   };
   Cause cause = Cause::kImplausible;
@@ -93,6 +101,12 @@ struct ChainOutcome {
   int cycles = 0;
   double duration_s = 0;
   double travelled_m = 0;
+
+  /// How many targets were judged in the passages, and how many were not.
+  struct Judged {
+    int judged = 0, not_judged = 0;
+  };
+  [[nodiscard]] Judged CountJudged() const;
 };
 
 /// Checks that all primitives were made for the same ground, because a sequence is played on one.

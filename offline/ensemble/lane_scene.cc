@@ -44,7 +44,7 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
     const RobotJointLimits& limits = robot.limits[i + 2];
     lanes.robot.joints[i - 1] = {dof.rotor_inertia_kg_m2,
                                  dof.damping_nm_s_per_rad + drive.viscous_friction_nm_s_per_rad,
-                                 drive.dry_friction_nm,
+                                 robot.dry_friction_nm[i + 2] + drive.dry_friction_nm,
                                  limits.lower_rad,
                                  limits.upper_rad,
                                  drive.torque_max_nm,

@@ -99,6 +99,11 @@ Scene Varied(Scene scene, const RobotVariation& v) {
     dof.mass_centre.x() = link.length * dof.mass_centre.x() + link.mass_centre_m;
     dof.offset.x() *= length_of(dof.parent);
   }
+  for (PlanarLink& link : robot.links) {
+    const double length = length_of(link.body);
+    for (std::array<double, 2>* place : {&link.origin_m, &link.x_axis, &link.z_axis})
+      (*place)[0] *= length;
+  }
   for (ContactShape<Plane>& shape : robot.shapes) shape.shape.centre.x() *= length_of(shape.body);
   for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= length_of(own.body);
   scene.contact.mu *= v.friction;

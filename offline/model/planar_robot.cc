@@ -14,37 +14,22 @@
 namespace tumbler {
 namespace {
 
-[[noreturn]] void FailLink(const Robot& robot, const std::string& link,
-                           const std::string& problem) {
-  const RobotLink* const about = robot.FindLink(link);
-  throw FileError(robot.file, about == nullptr ? 0 : about->line, fmt::format("link '{}'", link),
-                  problem);
+/// About the link that a degree of freedom moves.
+RobotFinding AboutLink(const Robot& robot, std::size_t dof, const std::string& problem) {
+  const std::string& name = robot.joints[dof].link;
+  const RobotLink* const link = robot.FindLink(name);
+  return {link == nullptr ? 0 : link->line, fmt::format("link '{}'", name), problem};
 }
 
-Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
-  const Dof<Spatial>& from = robot.tree.dofs[j];
-  const auto fail = [&](const std::string& problem) {
-    throw FileError(robot.file, robot.joints[j].axis_line, fmt::format("joint '{}'", from.name),
-                    problem);
-  };
+Dof<Plane> ReduceDof(const Dof<Spatial>& from) {
   Dof<Plane> dof;
   dof.name = from.name;
   dof.parent = from.parent;
   dof.kind = from.kind;
   dof.offset = InPlane(from.offset);
   if (from.kind == JointKind::kRevolute) {
-    const SpaceVector& axis = from.axis;
-    if (std::hypot(axis.x(), axis.z()) > kPlaneTolerance) {
-      fail(
-          fmt::format("its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a "
-                      "robot in the x-z plane: (0, 1, 0) or (0, -1, 0)",
-                      axis.x(), axis.y(), axis.z()));
-    }
-    dof.axis = axis.y() < 0 ? 1 : -1;
+    dof.axis = from.axis.y() < 0 ? 1 : -1;
   } else {
-    if (std::abs(from.direction.y()) > kPlaneTolerance) {
-      fail("its axis leaves the x-z plane; allowed for a prismatic joint: any direction in it");
-    }
     dof.direction = InPlane(from.direction).normalized();
   }
   dof.prescribed = from.prescribed;
@@ -80,34 +65,61 @@ int PlanarRobot::FindDof(std::string_view joint) const {
   return -1;
 }
 
+std::optional<std::string> LeavesPlane(const Dof<Spatial>& dof) {
+  if (dof.kind == JointKind::kPrismatic) {
+    if (std::abs(dof.direction.y()) <= kPlaneTolerance) return std::nullopt;
+    return "its axis leaves the x-z plane; allowed for a prismatic joint: any direction in it, or "
+           "lock it";
+  }
+  const SpaceVector& axis = dof.axis;
+  if (std::hypot(axis.x(), axis.z()) <= kPlaneTolerance) return std::nullopt;
+  return fmt::format(
+      "its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a robot in the x-z "
+      "plane: (0, 1, 0) or (0, -1, 0), or lock it",
+      axis.x(), axis.y(), axis.z());
+}
+
+std::vector<RobotFinding> ObstaclesToPlanning(const Robot& robot) {
+  std::vector<RobotFinding> found = robot.findings;
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    const Dof<Spatial>& dof = robot.tree.dofs[j];
+    if (const std::optional<std::string> why = LeavesPlane(dof))
+      found.push_back({robot.joints[j].axis_line, fmt::format("joint '{}'", dof.name), *why});
+  }
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    if (robot.MovesMass(static_cast<int>(j))) continue;
+    found.push_back(
+        AboutLink(robot, j,
+                  fmt::format("degree of freedom '{}' moves no mass; give the link, or one that it "
+                              "carries, an <inertial>",
+                              robot.tree.dofs[j].name)));
+  }
+  return found;
+}
+
 PlanarRobot ReduceToPlane(const Robot& robot) {
   if (robot.root == RootKind::kFloating)
     throw std::invalid_argument("a robot with a floating root does not stay in a plane");
-  if (!robot.findings.empty()) {
-    const RobotFinding& finding = robot.findings.front();
-    throw FileError(robot.file, finding.line, finding.key, finding.problem);
-  }
+  std::vector<RobotFinding> found = ObstaclesToPlanning(robot);
   if (robot.tree.dofs.size() > Plane::kMaxDofs) {
-    FailLink(robot, robot.joints[Plane::kMaxDofs].link,
-             fmt::format("the robot has more than {} degrees of freedom, its root's included",
-                         Plane::kMaxDofs));
+    found.push_back(AboutLink(
+        robot, Plane::kMaxDofs,
+        fmt::format("the robot has more than {} degrees of freedom, its root's included ({}); lock "
+                    "some",
+                    Plane::kMaxDofs, robot.tree.dofs.size())));
   }
+  if (!found.empty()) throw RobotFileError(robot.file, std::move(found));
   PlanarRobot out;
   out.name = robot.name;
   out.tree.gravity = InPlane(robot.tree.gravity);
   out.root = robot.root;
   out.root_dofs = robot.root_dofs;
+  out.locked = robot.locked;
   for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
-    out.tree.dofs.push_back(ReduceDof(robot, j));
+    out.tree.dofs.push_back(ReduceDof(robot.tree.dofs[j]));
     out.body_names.push_back(robot.joints[j].link);
     out.limits.push_back(robot.joints[j].limits);
-  }
-  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
-    if (robot.MovesMass(static_cast<int>(j))) continue;
-    FailLink(robot, robot.joints[j].link,
-             fmt::format("degree of freedom '{}' moves no mass; give the link, or one that it "
-                         "carries, an <inertial>",
-                         robot.tree.dofs[j].name));
+    out.dry_friction_nm.push_back(robot.joints[j].dry_friction_nm);
   }
   for (const RobotLink& link : robot.links) out.links.push_back(ReduceLink(link));
   ContactShapes<Plane> contact = PlanarContactShapes(robot);
@@ -140,8 +152,9 @@ void Tilt(PlanarRobot& robot, double slope_rad) {
   robot.tree.gravity = {c * g.x() + s * g.y(), c * g.y() - s * g.x()};
 }
 
-PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root) {
-  return ReduceToPlane(ParseRobot(text, file_name, root));
+PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root,
+                             const LockedJoints& locked) {
+  return ReduceToPlane(ParseRobot(text, file_name, root, locked));
 }
 
 }  // namespace tumbler

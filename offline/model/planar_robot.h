@@ -1,15 +1,19 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "offline/contact/contact_shape.h"
 #include "offline/dynamics/plane.h"
+#include "offline/dynamics/spatial.h"
 #include "offline/dynamics/tree.h"
 #include "offline/model/contact_shapes.h"
 #include "offline/model/joint_limits.h"
+#include "offline/model/locked_joint.h"
+#include "offline/model/robot_finding.h"
 #include "offline/model/root_kind.h"
 
 namespace tumbler {
@@ -49,7 +53,11 @@ struct PlanarRobot {
   std::vector<std::string> body_names;   ///< Link of each degree of freedom.
   std::vector<PlanarLink> links;         ///< All links, by their names in the file.
   std::vector<PassiveJoint> passive;     ///< In the order of degrees of freedom; a task says which.
+  std::vector<LockedJoint> locked;       ///< Joints of the file that are no degrees of freedom.
   std::vector<RobotJointLimits> limits;  ///< Of each degree of freedom; the root's are infinite.
+  /// Of each degree of freedom, by the file. The motors of a scene, or of a twin, have it; the
+  /// dynamics of the tree do not.
+  std::vector<double> dry_friction_nm;
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
   std::vector<OwnShape> own_shapes;         ///< For the robot's distance from itself.
   std::vector<DrawnShape> drawing;
@@ -83,11 +91,20 @@ struct PlanarRobot {
   [[nodiscard]] int FindDof(std::string_view joint) const;
 };
 
+/// Why a degree of freedom leaves the plane: a revolute axis other than +-y, or a prismatic one
+/// that is not in x-z. None: it does not.
+std::optional<std::string> LeavesPlane(const Dof<Spatial>& dof);
+
+/// What stands between a robot and a task with it, but for the number of its degrees of freedom:
+/// joints that leave the plane, masses, inertias or limits that are not physical and joints that
+/// are not modelled (`Robot::findings`), and degrees of freedom that move no mass.
+/// @pre its root is not floating.
+std::vector<RobotFinding> ObstaclesToPlanning(const Robot& robot);
+
 /// The robot in its x-z plane, in which it stays. Only moments of inertia about y count there.
 /// @pre its root is not floating.
-/// @throws FileError with file, line and element when a joint's axis leaves the plane (revolute:
-/// +-y, prismatic: in x-z); when a mass, inertia or limit is not physical (`Robot::findings`); when
-/// it has more than Plane::kMaxDofs degrees of freedom, or one that moves no mass.
+/// @throws RobotFileError with ObstaclesToPlanning, if there are any, and when there are more than
+/// Plane::kMaxDofs degrees of freedom.
 PlanarRobot ReduceToPlane(const Robot& robot);
 
 /// The moving links that no contact shape is on, with commas between; empty: there are none. They
@@ -99,6 +116,7 @@ std::string LinksWithoutContact(const PlanarRobot& robot);
 void Tilt(PlanarRobot& robot, double slope_rad);
 
 /// `ReduceToPlane` of `ParseRobot`. @throws as these do.
-PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root);
+PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root,
+                             const LockedJoints& locked = {});
 
 }  // namespace tumbler

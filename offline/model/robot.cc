@@ -9,8 +9,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <mutex>
+#include <optional>
 
 #include "common/toml_reader.h"
 #include "offline/linear/symmetric_eigen.h"
@@ -75,9 +77,25 @@ Pose ToPose(const urdf::Pose& pose) {
           {pose.position.x, pose.position.y, pose.position.z}};
 }
 
+/// Where what a joint moves is in the joint's frame.
+/// @param axis  a unit vector in that frame.
+Pose Moved(bool revolute, const SpaceVector& axis, double position) {
+  if (!revolute) return {SpaceMatrix::Identity(), position * axis};
+  const double s = std::sin(position / 2);
+  return {Pose::RotationOf(s * axis.x(), s * axis.y(), s * axis.z(), std::cos(position / 2)),
+          SpaceVector::Zero()};
+}
+
+/// Whether some body has these mass and principal moments, in increasing order.
+bool IsPhysical(double mass, const std::array<double, 3>& moments) {
+  return mass > 0 && moments[0] > 0 && moments[0] + moments[1] >= moments[2] * (1 - 1e-9);
+}
+
 /// Sums of the links that are merged into one body, in the frame of its degree of freedom with
 /// world axes.
 struct BodySum {
+  int links = 0;                       ///< That have mass or inertia.
+  std::vector<RobotFinding> doubtful;  ///< What is not physical of one of them.
   double mass = 0;
   SpaceVector first_moment = SpaceVector::Zero();
   SpaceMatrix second_moment = SpaceMatrix::Zero();  // about the frame's origin
@@ -111,8 +129,11 @@ std::vector<RootCoordinate> RootCoordinates(RootKind root) {
 
 class Builder {
  public:
-  Builder(const std::string& text, std::string file, RootKind root)
-      : file_(std::move(file)), source_(text, file_), model_(ParseUrdf(source_.text(), file_)) {
+  Builder(const std::string& text, std::string file, RootKind root, const LockedJoints& locked)
+      : file_(std::move(file)),
+        source_(text, file_),
+        model_(ParseUrdf(source_.text(), file_)),
+        locked_(locked) {
     robot_.file = file_;
     robot_.name = model_->getName();
     robot_.root = root;
@@ -127,6 +148,7 @@ class Builder {
       waiting_.erase(first);
       AddJoint(*next.joint, next.body, next.X);
     }
+    if (!mistakes_.empty()) throw RobotFileError(file_, mistakes_);
     Finish();
   }
 
@@ -140,20 +162,15 @@ class Builder {
     Pose X;  // of the joint's frame in the body's
   };
 
-  /// Throws a FileError about a link, or about the first element of that name in it.
-  [[noreturn]] void FailLink(const std::string& link, const std::string& problem,
-                             const char* element = "") const {
-    throw FileError(file_, source_.LineOfLink(link, element), fmt::format("link '{}'", link),
-                    problem);
-  }
-  [[noreturn]] void FailJoint(const std::string& joint, const std::string& problem,
-                              const char* element = "") const {
-    throw FileError(file_, source_.LineOfJoint(joint, element), fmt::format("joint '{}'", joint),
-                    problem);
-  }
-  void NoteLink(const std::string& link, const std::string& problem, const char* element) {
-    robot_.findings.push_back(
+  /// Notes what makes the robot unusable, about a link or a joint, or about the first element of
+  /// that name in it.
+  void RefuseLink(const std::string& link, const std::string& problem, const char* element) {
+    mistakes_.push_back(
         {source_.LineOfLink(link, element), fmt::format("link '{}'", link), problem});
+  }
+  void RefuseJoint(const std::string& joint, const std::string& problem, const char* element) {
+    mistakes_.push_back(
+        {source_.LineOfJoint(joint, element), fmt::format("joint '{}'", joint), problem});
   }
   void NoteJoint(const std::string& joint, const std::string& problem, const char* element) {
     robot_.findings.push_back(
@@ -161,11 +178,6 @@ class Builder {
   }
 
   void AddDof(Dof<Spatial> dof, RobotJoint joint) {
-    if (static_cast<int>(robot_.tree.dofs.size()) == Spatial::kMaxDofs) {
-      FailLink(joint.link,
-               fmt::format("the robot has more than {} degrees of freedom, its root's included",
-                           Spatial::kMaxDofs));
-    }
     robot_.tree.dofs.push_back(std::move(dof));
     robot_.joints.push_back(std::move(joint));
     bodies_.emplace_back();
@@ -179,7 +191,9 @@ class Builder {
       dof.kind = coordinate.kind;
       (dof.kind == JointKind::kRevolute ? dof.axis : dof.direction) = coordinate.axis;
       dof.prescribed = root == RootKind::kHingeY && dof.kind == JointKind::kPrismatic;
-      AddDof(dof, {model_->getRoot()->name, {}});
+      RobotJoint about;
+      about.link = model_->getRoot()->name;
+      AddDof(dof, about);
       ++robot_.root_dofs;
     }
   }
@@ -191,9 +205,25 @@ class Builder {
     AddShapes(link, body, X);
     for (const urdf::JointSharedPtr& joint : link.child_joints) {
       const Pose X_joint = X * ToPose(joint->parent_to_joint_origin_transform);
-      if (!InReach(X_joint)) FailJoint(joint->name, kOutOfReach, "origin");
+      if (!InReach(X_joint)) RefuseJoint(joint->name, kOutOfReach, "origin");
+      const urdf::Link& child = *model_->getLink(joint->child_link_name);
+      if (const std::optional<LockedJoint> held = LockOf(*joint)) {
+        robot_.locked.push_back(*held);
+        if (held->with.empty() && FollowsWhatMoves(*joint)) NoteFollower(*joint);
+        const bool moves = joint->type != urdf::Joint::FIXED;
+        AddLink(child, body,
+                moves ? X_joint * Moved(joint->type != urdf::Joint::PRISMATIC, AxisOf(*joint),
+                                        held->position_rad)
+                      : X_joint);
+        continue;
+      }
       if (joint->type == urdf::Joint::FIXED) {
-        AddLink(*model_->getLink(joint->child_link_name), body, X_joint);
+        if (const auto other = source_.held_joints().find(joint->name);
+            other != source_.held_joints().end()) {
+          robot_.held_joints.push_back(joint->name);
+          NoteJoint(joint->name, other->second, "");
+        }
+        AddLink(child, body, X_joint);
         continue;
       }
       const auto& order = source_.joint_order();
@@ -202,21 +232,80 @@ class Builder {
     }
   }
 
-  void AddJoint(const urdf::Joint& joint, int body, const Pose& X_joint) {
-    const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
-    const bool revolute =
-        joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS;
-    if (!revolute && joint.type != urdf::Joint::PRISMATIC) {
-      FailJoint(joint.name,
-                "its type is not supported; allowed: revolute, continuous, prismatic, fixed");
+  /// How the joint is held, if it is: by its own name, or with the joint that it follows.
+  std::optional<LockedJoint> LockOf(const urdf::Joint& joint) const {
+    const bool held_type = source_.held_joints().count(joint.name) > 0;
+    if (joint.type == urdf::Joint::FIXED && !held_type) return std::nullopt;
+    LockedJoint lock;
+    lock.name = joint.name;
+    if (held_type) {
+      lock.limits.lower_rad = lock.limits.upper_rad = 0;
+    } else if (joint.limits != nullptr && joint.type != urdf::Joint::CONTINUOUS) {
+      lock.limits.lower_rad = OrNone(joint.limits->lower);
+      lock.limits.upper_rad = OrNone(joint.limits->upper);
     }
+    const auto own = locked_.find(joint.name);
+    if (own != locked_.end()) lock.position_rad = own->second;
+    // A joint may follow one that follows another; of a circle of them none leads.
+    double factor = 1, offset = 0;
+    const urdf::Joint* at = &joint;
+    for (std::size_t i = 0; i <= source_.joint_order().size(); ++i) {
+      const urdf::Joint* const leader =
+          at->mimic == nullptr ? nullptr : model_->getJoint(at->mimic->joint_name).get();
+      if (leader != nullptr) {
+        offset += factor * at->mimic->offset;
+        factor *= at->mimic->multiplier;
+        at = leader;
+        continue;
+      }
+      const auto lead = at == &joint ? locked_.end() : locked_.find(at->name);
+      if (lead == locked_.end()) break;
+      lock.position_rad = factor * lead->second + offset;
+      lock.with = at->name;
+      return lock;
+    }
+    if (own == locked_.end()) return std::nullopt;
+    return lock;
+  }
+
+  /// Some files name a leader that they do not have, or that is fixed.
+  [[nodiscard]] bool FollowsWhatMoves(const urdf::Joint& joint) const {
+    if (joint.mimic == nullptr) return false;
+    const urdf::JointConstSharedPtr leader = model_->getJoint(joint.mimic->joint_name);
+    return leader != nullptr && leader->type != urdf::Joint::FIXED;
+  }
+
+  void NoteFollower(const urdf::Joint& joint) {
+    NoteJoint(joint.name,
+              fmt::format("follows joint '{}' (mimic), and no task has joints that follow others; "
+                          "lock that, and with it this one, or leave <mimic> out",
+                          joint.mimic->joint_name),
+              "mimic");
+  }
+
+  static double OrNone(double limit) {
+    return std::abs(limit) < kNoLimit
+               ? limit
+               : std::copysign(std::numeric_limits<double>::infinity(), limit);
+  }
+
+  /// A unit vector in the joint's frame.
+  SpaceVector AxisOf(const urdf::Joint& joint) {
     const SpaceVector given(joint.axis.x, joint.axis.y, joint.axis.z);
     // Its numbers may be so large or small that their squares are not.
     const double largest =
         std::max({std::abs(given.x()), std::abs(given.y()), std::abs(given.z())});
-    if (!given.allFinite() || largest * (given / largest).norm() < 1e-6 || largest == 0)
-      FailJoint(joint.name, "its <axis> has no direction; allowed: any but 0 0 0", "axis");
-    const SpaceVector axis = X_joint.rotation * (given / ((given / largest).norm() * largest));
+    if (!given.allFinite() || largest * (given / largest).norm() < 1e-6 || largest == 0) {
+      RefuseJoint(joint.name, "its <axis> has no direction; allowed: any but 0 0 0", "axis");
+      return SpaceVector::UnitX();
+    }
+    return given / ((given / largest).norm() * largest);
+  }
+
+  void AddJoint(const urdf::Joint& joint, int body, const Pose& X_joint) {
+    const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
+    const bool revolute = joint.type != urdf::Joint::PRISMATIC;
+    const SpaceVector axis = X_joint.rotation * AxisOf(joint);
     Dof<Spatial> dof;
     dof.name = joint.name;
     dof.parent = body;
@@ -227,18 +316,21 @@ class Builder {
     about.link = child->name;
     about.continuous = joint.type == urdf::Joint::CONTINUOUS;
     about.axis_line = source_.LineOfJoint(joint.name, "axis");
+    const auto [first, last] = source_.lacks().equal_range(joint.name);
+    for (auto lack = first; lack != last; ++lack) robot_.findings.push_back(lack->second);
     if (joint.limits != nullptr) AddLimits(joint, about);
     if (joint.dynamics != nullptr) {
       dof.damping_nm_s_per_rad = joint.dynamics->damping;
+      about.dry_friction_nm = joint.dynamics->friction;
       if (!(joint.dynamics->damping >= 0)) {
-        FailJoint(joint.name,
-                  fmt::format("dynamics damping = {:g}; allowed: >= 0", joint.dynamics->damping),
-                  "dynamics");
+        RefuseJoint(joint.name,
+                    fmt::format("dynamics damping = {:g}; allowed: >= 0", joint.dynamics->damping),
+                    "dynamics");
       }
     }
     if (joint.mimic != nullptr) {
-      FailJoint(joint.name,
-                "mimics another joint; mimic joints are not supported: leave <mimic> out", "mimic");
+      about.mimics = joint.mimic->joint_name;
+      NoteFollower(joint);
     }
     AddDof(dof, about);
     // At q = 0 the new frame has the robot's axes. The rotation of the link's own frame is kept in
@@ -252,21 +344,24 @@ class Builder {
     const urdf::JointLimits& given = *joint.limits;
     RobotJointLimits& limits = about.limits;
     if (!about.continuous) {
-      limits.lower_rad = given.lower;
-      limits.upper_rad = given.upper;
+      limits.lower_rad = OrNone(given.lower);
+      limits.upper_rad = OrNone(given.upper);
       if (!(given.lower <= given.upper)) {
-        FailJoint(joint.name,
-                  fmt::format("limit lower = {:g} upper = {:g}; allowed: finite, lower <= upper",
-                              given.lower, given.upper),
-                  "limit");
+        RefuseJoint(joint.name,
+                    fmt::format("limit lower = {:g} upper = {:g}; allowed: finite, lower <= upper",
+                                given.lower, given.upper),
+                    "limit");
       }
     }
     // Many files have a limit of 0 where nobody knew it.
     const auto positive = [&](const char* what, double value) {
-      if (value > 0) return value;
+      if (value > 0) return OrNone(value);
       const std::string problem = fmt::format("limit {} = {:g}; allowed: > 0", what, value);
-      if (!(value == 0)) FailJoint(joint.name, problem, "limit");
-      NoteJoint(joint.name, problem, "limit");
+      if (value == 0) {
+        NoteJoint(joint.name, problem, "limit");
+      } else {
+        RefuseJoint(joint.name, problem, "limit");
+      }
       return value;
     };
     limits.velocity_rad_s = positive("velocity", given.velocity);
@@ -279,38 +374,51 @@ class Builder {
     const SpaceMatrix I({given.ixx, given.ixy, given.ixz}, {given.ixy, given.iyy, given.iyz},
                         {given.ixz, given.iyz, given.izz});
     const Pose X_com = X * ToPose(given.origin);
-    if (!(given.mass > 0)) {
-      const std::string problem = fmt::format(
-          "inertial mass is {:g} kg; allowed: > 0 (leave <inertial> out for a massless link)",
-          given.mass);
-      if (!(given.mass == 0)) FailLink(link.name, problem, "mass");
-      NoteLink(link.name, problem, "mass");
-    }
-    if (!InReach(X_com)) FailLink(link.name, kOutOfReach, "inertial");
-    const std::array<double, 3> moments = PrincipalMoments(I);
-    if (!(moments[0] > 0)) {
-      if (given.mass != 0 || !(I == SpaceMatrix::Zero())) {
-        NoteLink(
-            link.name,
-            fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments[0]),
-            "inertia");
-      }
-    } else if (moments[0] + moments[1] < moments[2] * (1 - 1e-9)) {
-      NoteLink(link.name,
-               fmt::format("inertia is that of no body: principal moments {:g}, {:g}, "
-                           "{:g} kg m^2; allowed: none larger "
-                           "than the sum of the others",
-                           moments[0], moments[1], moments[2]),
-               "inertia");
-    }
+    if (!InReach(X_com)) RefuseLink(link.name, kOutOfReach, "inertial");
+    const std::vector<RobotFinding> doubtful = DoubtfulInertia(link, I);
     if (body < 0) return;  // The link is fixed to the world and never moves.
-    const SpaceVector c = X_com.translation;
     BodySum& sum = bodies_[static_cast<std::size_t>(body)];
+    if (given.mass != 0 || !(I == SpaceMatrix::Zero())) ++sum.links;
+    sum.doubtful.insert(sum.doubtful.end(), doubtful.begin(), doubtful.end());
+    const SpaceVector c = X_com.translation;
     sum.mass += given.mass;
     sum.first_moment += given.mass * c;
     sum.second_moment +=
         X_com.rotation * I * X_com.rotation.transpose() +
         given.mass * (c.squaredNorm() * SpaceMatrix::Identity() - SpaceMatrix::Outer(c, c));
+  }
+
+  /// What is not physical of a link's inertia. None of a link without mass and inertia.
+  std::vector<RobotFinding> DoubtfulInertia(const urdf::Link& link, const SpaceMatrix& I) {
+    const double mass = link.inertial->mass;
+    if (mass == 0 && I == SpaceMatrix::Zero()) return {};
+    std::vector<RobotFinding> doubtful;
+    const auto doubt = [&](const std::string& problem, const char* element) {
+      doubtful.push_back(
+          {source_.LineOfLink(link.name, element), fmt::format("link '{}'", link.name), problem});
+    };
+    if (!(mass > 0)) {
+      const std::string problem = fmt::format(
+          "inertial mass is {:g} kg; allowed: > 0 (leave <inertial> out for a massless link)",
+          mass);
+      if (mass == 0) {
+        doubt(problem, "mass");
+      } else {
+        RefuseLink(link.name, problem, "mass");
+      }
+    }
+    const std::array<double, 3> moments = PrincipalMoments(I);
+    if (!(moments[0] > 0)) {
+      doubt(fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments[0]),
+            "inertia");
+    } else if (!IsPhysical(1, moments)) {
+      doubt(fmt::format("inertia is that of no body: principal moments {:g}, {:g}, "
+                        "{:g} kg m^2; allowed: none larger "
+                        "than the sum of the others",
+                        moments[0], moments[1], moments[2]),
+            "inertia");
+    }
+    return doubtful;
   }
 
   void AddShapes(const urdf::Link& link, int body, const Pose& X) {
@@ -329,7 +437,8 @@ class Builder {
     const std::size_t known = robot_.collision_shapes.size();
     add(link.collision_array, robot_.collision_shapes);
     for (std::size_t i = known; i < robot_.collision_shapes.size(); ++i) {
-      if (!InReach(robot_.collision_shapes[i].pose)) FailLink(link.name, kOutOfReach, "collision");
+      if (!InReach(robot_.collision_shapes[i].pose))
+        RefuseLink(link.name, kOutOfReach, "collision");
     }
     add(link.visual_array, robot_.visual_shapes);
   }
@@ -362,7 +471,10 @@ class Builder {
     for (std::size_t j = 0; j < dofs.size(); ++j) {
       const BodySum& sum = bodies_[j];
       dofs[j].massless = sum.mass == 0 && sum.second_moment == SpaceMatrix::Zero();
-      if (dofs[j].massless) continue;
+      if (dofs[j].massless) {
+        Doubt(sum);
+        continue;
+      }
       const double m = sum.mass;
       const SpaceVector c = m > 0 ? sum.first_moment / m : SpaceVector::Zero();
       dofs[j].mass_kg = m;
@@ -373,12 +485,22 @@ class Builder {
         const double a = c[(k + 1) % 3], b = c[(k + 2) % 3];
         I(k, k) = sum.second_moment(k, k) - m * (a * a + b * b);
       }
+      // What a link lacks, as a point of mass does, may be with the links on fixed joints.
+      const std::array<double, 3> moments = PrincipalMoments(I);
+      const bool whole = sum.links > 1 && IsPhysical(m, moments) && moments[0] > 1e-9 * moments[2];
+      if (!whole) Doubt(sum);
     }
+  }
+
+  void Doubt(const BodySum& sum) {
+    robot_.findings.insert(robot_.findings.end(), sum.doubtful.begin(), sum.doubtful.end());
   }
 
   std::string file_;
   UrdfSource source_;
   urdf::ModelInterfaceSharedPtr model_;
+  const LockedJoints& locked_;
+  std::vector<RobotFinding> mistakes_;
   Robot robot_;
   std::vector<BodySum> bodies_;
   std::map<std::ptrdiff_t, WaitingJoint> waiting_;  // by place in the file
@@ -410,8 +532,9 @@ bool Robot::MovesMass(int dof) const {
   return false;
 }
 
-Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root) {
-  return Builder(text, file_name, root).Take();
+Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root,
+                 const LockedJoints& locked) {
+  return Builder(text, file_name, root, locked).Take();
 }
 
 }  // namespace tumbler

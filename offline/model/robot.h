@@ -8,7 +8,9 @@
 #include "offline/dynamics/spatial.h"
 #include "offline/dynamics/tree.h"
 #include "offline/model/joint_limits.h"
+#include "offline/model/locked_joint.h"
 #include "offline/model/pose.h"
+#include "offline/model/robot_finding.h"
 #include "offline/model/root_kind.h"
 
 namespace tumbler {
@@ -19,6 +21,8 @@ struct RobotJoint {
   RobotJointLimits limits;      ///< Infinite for the root's coordinates.
   bool continuous = false;      ///< Whether the URDF has it as a continuous joint.
   std::uint32_t axis_line = 0;  ///< Line of the axis in the file; 0 for the root's coordinates.
+  double dry_friction_nm = 0;   ///< By the file; N where it is prismatic.
+  std::string mimics;           ///< The joint that it follows by the file; empty: none.
 };
 
 /// A link of the file. Links on fixed joints are parts of the body that carries them.
@@ -44,13 +48,6 @@ struct RobotShape {
   SpaceVector size_m = SpaceVector::Zero();  ///< Box: whole sides.
 };
 
-/// Something in the file that is not physical: the place, and what is wrong.
-struct RobotFinding {
-  std::uint32_t line = 0;
-  std::string key;
-  std::string problem;
-};
-
 /// A robot from a URDF, in space.
 ///
 /// Its degrees of freedom are the root's coordinates, and then the movable joints in the order of
@@ -69,8 +66,13 @@ struct Robot {
   std::vector<RobotLink> links;
   std::vector<RobotShape> collision_shapes;
   std::vector<RobotShape> visual_shapes;
-  /// Things that no real robot has, such as inertia that belongs to no body, or limits of zero. The
-  /// equations of motion can be evaluated with them, but a robot in a task must have none.
+  std::vector<LockedJoint> locked;  ///< In the order of the links.
+  /// Joints of other types, such as `floating`, that are not locked: they are fixed here, and
+  /// `findings` say so.
+  std::vector<std::string> held_joints;
+  /// Things that no real robot has, such as inertia that belongs to no body, or limits of zero, and
+  /// what is not modelled, such as joints that follow others. The equations of motion can be
+  /// evaluated with them, but a robot in a task must have none.
   std::vector<RobotFinding> findings;
 
   /// Index of a joint's degree of freedom, or -1. The root's coordinates are no joints.
@@ -85,9 +87,12 @@ struct Robot {
 /// Reads a robot. Gravity is 9.81 m/s^2 along -z.
 /// @param text       the URDF.
 /// @param file_name  for messages.
-/// @throws FileError  with file, line and element when the text is no URDF, a mass is negative, a
-/// lower limit is above the upper one, a joint's type is unknown, or the robot has no degree of
-/// freedom or more than Spatial::kMaxDofs.
-Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root);
+/// @param locked     joints that are held there, and with them those that follow them (`mimic`).
+///                   Names of no such joint count for nothing: see `Robot::locked`.
+/// @throws RobotFileError  with file, line and element of everything of this kind: the text is no
+/// URDF, a mass is negative, a lower limit is above the upper one, a joint's type is unknown, or
+/// the robot has no degree of freedom.
+Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root,
+                 const LockedJoints& locked = {});
 
 }  // namespace tumbler

@@ -35,6 +35,7 @@ constexpr double kHeaviest = 1e6;
 /// The largest length of a shape [m].
 constexpr double kLongest = 1e3;
 constexpr double kLargestMoment = kHeaviest * kLongest * kLongest;
+constexpr std::string_view kCapsule = "capsule";
 constexpr std::array kNumericAttributes = {
     NumericAttribute{"mass", "value", 1, true, kHeaviest},
     NumericAttribute{"inertia", "ixx", 1, true, kLargestMoment},
@@ -48,13 +49,17 @@ constexpr std::array kNumericAttributes = {
     NumericAttribute{"axis", "xyz", 3, true},
     NumericAttribute{"limit", "lower", 1, false},
     NumericAttribute{"limit", "upper", 1, false},
-    NumericAttribute{"limit", "effort", 1, true},
-    NumericAttribute{"limit", "velocity", 1, true},
+    NumericAttribute{"limit", "effort", 1, false},
+    NumericAttribute{"limit", "velocity", 1, false},
     NumericAttribute{"dynamics", "damping", 1, false, 1e9},
-    NumericAttribute{"dynamics", "friction", 1, false},
+    NumericAttribute{"dynamics", "friction", 1, false, 1e9},
+    NumericAttribute{"mimic", "multiplier", 1, false, 1e6},
+    NumericAttribute{"mimic", "offset", 1, false, 1e6},
     NumericAttribute{"sphere", "radius", 1, true, kLongest, false},
     NumericAttribute{"cylinder", "radius", 1, true, kLongest, false},
     NumericAttribute{"cylinder", "length", 1, true, kLongest, false},
+    NumericAttribute{kCapsule, "radius", 1, true, kLongest, false},
+    NumericAttribute{kCapsule, "length", 1, true, kLongest, false},
     NumericAttribute{"box", "size", 3, true, kLongest, false},
     NumericAttribute{"mesh", "scale", 3, false},
 };
@@ -62,7 +67,11 @@ constexpr std::array kNumericAttributes = {
 constexpr std::array<std::string_view, 4> kJointTypes = {"revolute", "continuous", "prismatic",
                                                          "fixed"};
 
-constexpr std::array<std::string_view, 4> kGeometries = {"sphere", "cylinder", "box", "mesh"};
+constexpr std::array<std::string_view, 5> kGeometries = {"sphere", "cylinder", "box", "mesh",
+                                                         kCapsule};
+
+/// The link that files hang a robot on without having it.
+constexpr const char* kWorld = "world";
 
 /// No robot has more links, or elements nested deeper. Reading them would take for ever, or exhaust
 /// the stack.
@@ -135,22 +144,32 @@ std::optional<std::vector<double>> ToNumbers(std::string_view text) {
   }
 }
 
-/// Checks elements below one link or joint.
+/// Whether the element is in a `<geometry>`.
+bool IsGeometry(const TiXmlElement& element) {
+  const TiXmlElement* const parent =
+      element.Parent() == nullptr ? nullptr : element.Parent()->ToElement();
+  return parent != nullptr && parent->ValueStr() == "geometry";
+}
+
+/// Notes what is wrong with elements below one link or joint.
 class ElementChecker {
  public:
-  ElementChecker(const std::string& file, std::string key) : file_(file), key_(std::move(key)) {}
+  ElementChecker(std::vector<RobotFinding>& mistakes, std::string key)
+      : mistakes_(mistakes), key_(std::move(key)) {}
 
-  [[noreturn]] void Fail(const TiXmlBase& where, const std::string& problem) const {
-    throw FileError(file_, RowOf(where), key_, problem);
+  void Note(const TiXmlBase& where, const std::string& problem) const {
+    mistakes_.push_back({RowOf(where), key_, problem});
   }
 
   void CheckNumbers(const TiXmlElement& element) const {
     for (const NumericAttribute& expected : kNumericAttributes) {
       if (element.ValueStr() != expected.element) continue;
+      // Elsewhere a capsule may be another's, of which nothing is known.
+      if (expected.element == kCapsule && !IsGeometry(element)) continue;
       const char* text = element.Attribute(expected.attribute);
       if (text == nullptr) {
         if (expected.required) {
-          Fail(element,
+          Note(element,
                fmt::format("<{}> lacks the attribute {}", expected.element, expected.attribute));
         }
         continue;
@@ -162,7 +181,7 @@ class ElementChecker {
             return std::abs(x) <= expected.largest && (x >= 0 || expected.can_be_negative);
           });
       if (!fits) {
-        Fail(element, fmt::format("<{}> {} is '{}'; allowed: {}", expected.element,
+        Note(element, fmt::format("<{}> {} is '{}'; allowed: {}", expected.element,
                                   expected.attribute, text, Allowed(expected)));
       }
     }
@@ -175,13 +194,14 @@ class ElementChecker {
   void CheckOnlyOne(const TiXmlElement& parent, const char* name) const {
     const TiXmlElement* first = parent.FirstChildElement(name);
     const TiXmlElement* second = first == nullptr ? nullptr : first->NextSiblingElement(name);
-    if (second != nullptr) Fail(*second, fmt::format("there is a second <{}>; allowed: one", name));
+    if (second != nullptr) Note(*second, fmt::format("there is a second <{}>; allowed: one", name));
   }
 
-  const TiXmlElement& Required(const TiXmlElement& parent, const char* name) const {
+  /// The element; null, and noted, where there is none.
+  const TiXmlElement* Required(const TiXmlElement& parent, const char* name) const {
     const TiXmlElement* element = parent.FirstChildElement(name);
-    if (element == nullptr) Fail(parent, fmt::format("lacks <{}>", name));
-    return *element;
+    if (element == nullptr) Note(parent, fmt::format("lacks <{}>", name));
+    return element;
   }
 
  private:
@@ -195,7 +215,7 @@ class ElementChecker {
     return fmt::format("{} finite numbers{}, separated by blanks", attribute.count, range);
   }
 
-  const std::string& file_;
+  std::vector<RobotFinding>& mistakes_;
   std::string key_;
 };
 
@@ -205,46 +225,61 @@ void CheckLink(const TiXmlElement& link, const ElementChecker& check) {
     for (const TiXmlElement* shape = link.FirstChildElement(kind); shape != nullptr;
          shape = shape->NextSiblingElement(kind)) {
       for (const char* part : {"origin", "geometry"}) check.CheckOnlyOne(*shape, part);
-      const TiXmlElement& geometry = check.Required(*shape, "geometry");
-      const TiXmlElement* form = geometry.FirstChildElement();
+      const TiXmlElement* const geometry = check.Required(*shape, "geometry");
+      if (geometry == nullptr) continue;
+      const TiXmlElement* form = geometry->FirstChildElement();
       if (form == nullptr || std::find(kGeometries.begin(), kGeometries.end(), form->ValueStr()) ==
                                  kGeometries.end()) {
-        check.Fail(geometry, fmt::format("<geometry> holds {}; allowed: one of {}",
-                                         form == nullptr ? "nothing" : "<" + form->ValueStr() + ">",
-                                         fmt::join(kGeometries, ", ")));
+        check.Note(*geometry,
+                   fmt::format("<geometry> holds {}; allowed: one of {}",
+                               form == nullptr ? "nothing" : "<" + form->ValueStr() + ">",
+                               fmt::join(kGeometries, ", ")));
       }
     }
   }
   check.CheckOnlyOne(link, "inertial");
   if (const TiXmlElement* inertial = link.FirstChildElement("inertial")) {
     for (const char* part : {"origin", "mass", "inertia"}) check.CheckOnlyOne(*inertial, part);
-    check.Required(*inertial, "mass");
-    check.Required(*inertial, "inertia");
+    static_cast<void>(check.Required(*inertial, "mass"));
+    static_cast<void>(check.Required(*inertial, "inertia"));
   }
+}
+
+bool IsKnownType(std::string_view type) {
+  return std::find(kJointTypes.begin(), kJointTypes.end(), type) != kJointTypes.end();
+}
+
+std::string TypeOf(const TiXmlElement& joint) {
+  const char* const type = joint.Attribute("type");
+  return type == nullptr ? "" : type;
 }
 
 void CheckJoint(const TiXmlElement& joint, const ElementChecker& check) {
   check.CheckNumbers(joint);
-  for (const char* part : {"parent", "child", "origin", "axis", "limit", "dynamics"}) {
+  for (const char* part : {"parent", "child", "origin", "axis", "limit", "dynamics", "mimic"})
     check.CheckOnlyOne(joint, part);
-  }
-  const char* type = joint.Attribute("type");
-  if (std::find(kJointTypes.begin(), kJointTypes.end(), type == nullptr ? "" : type) ==
-      kJointTypes.end()) {
-    check.Fail(joint, fmt::format("its type is '{}'; allowed: {}", type == nullptr ? "" : type,
-                                  fmt::join(kJointTypes, ", ")));
-  }
-  const std::string_view given = type;
-  if (given == "revolute" || given == "prismatic") check.Required(joint, "limit");
   if (const TiXmlElement* dynamics = joint.FirstChildElement("dynamics")) {
-    const char* friction = dynamics->Attribute("friction");
-    // The attribute was checked above, so it holds a number.
-    if (friction != nullptr && ToNumbers(friction)->front() != 0) {
-      check.Fail(*dynamics, fmt::format("dynamics friction = {}: dry friction of a joint is not "
-                                        "modelled; allowed: 0 (damping can be given)",
-                                        friction));
-    }
+    const char* const text = dynamics->Attribute("friction");
+    const std::optional<std::vector<double>> friction =
+        text == nullptr ? std::nullopt : ToNumbers(text);
+    if (friction && friction->size() == 1 && friction->front() < 0)
+      check.Note(*dynamics, fmt::format("dynamics friction = {}; allowed: >= 0", text));
   }
+}
+
+[[noreturn]] void FailFile(const std::string& file, std::uint32_t line, const std::string& key,
+                           const std::string& problem) {
+  throw RobotFileError(file, {{line, key, problem}});
+}
+
+/// The first element below one that is xacro's; null: there is none.
+const TiXmlElement* FindXacro(const TiXmlElement& parent) {
+  for (const TiXmlElement* e = parent.FirstChildElement(); e != nullptr;
+       e = e->NextSiblingElement()) {
+    if (e->ValueStr().starts_with("xacro:")) return e;
+    if (const TiXmlElement* const below = FindXacro(*e)) return below;
+  }
+  return nullptr;
 }
 
 /// @throws FileError when the text is not XML.
@@ -252,8 +287,8 @@ void ParseXml(const std::string& text, const std::string& file, TiXmlDocument& d
   if (const std::size_t at = text.find('\0'); at != std::string::npos) {
     const auto lines =
         std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
-    throw FileError(file, static_cast<std::uint32_t>(lines) + 1, "",
-                    "not valid XML: there is a byte 0, so this is no text");
+    FailFile(file, static_cast<std::uint32_t>(lines) + 1, "",
+             "not valid XML: there is a byte 0, so this is no text");
   }
   if (const std::uint32_t line = LineOfTooDeepElement(text); line > 0) {
     throw FileError(
@@ -261,14 +296,14 @@ void ParseXml(const std::string& text, const std::string& file, TiXmlDocument& d
         fmt::format("elements are nested more than {} deep; a URDF needs 5", kDeepestElement));
   }
   if (text.find('<') == std::string::npos) {
-    throw FileError(file, 0, "",
-                    fmt::format("not valid XML: {}",
-                                text.empty() ? "the file is empty" : "there is no element in it"));
+    FailFile(file, 0, "",
+             fmt::format("not valid XML: {}",
+                         text.empty() ? "the file is empty" : "there is no element in it"));
   }
   document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
   if (document.Error()) {
-    throw FileError(file, static_cast<std::uint32_t>(std::max(document.ErrorRow(), 0)), "",
-                    fmt::format("not valid XML: {}", document.ErrorDesc()));
+    FailFile(file, static_cast<std::uint32_t>(std::max(document.ErrorRow(), 0)), "",
+             fmt::format("not valid XML: {}", document.ErrorDesc()));
   }
 }
 
@@ -276,12 +311,18 @@ void ParseXml(const std::string& text, const std::string& file, TiXmlDocument& d
 const TiXmlElement& RobotOf(const TiXmlDocument& document, const std::string& file) {
   const TiXmlElement* robot = document.RootElement();
   if (robot == nullptr || robot->ValueStr() != "robot") {
-    throw FileError(file, robot == nullptr ? 0U : RowOf(*robot), "",
-                    "not a URDF: the outermost element must be <robot>");
+    FailFile(file, robot == nullptr ? 0U : RowOf(*robot), "",
+             "not a URDF: the outermost element must be <robot>");
+  }
+  if (const TiXmlElement* const xacro = FindXacro(*robot)) {
+    FailFile(file, RowOf(*xacro), fmt::format("<{}>", xacro->ValueStr()),
+             fmt::format("this is xacro, which makes a URDF; expand it, and take what comes of it: "
+                         "xacro {} > robot.urdf (of ROS, or `pip install xacro`)",
+                         file));
   }
   const char* name = robot->Attribute("name");
   if (name == nullptr || *name == '\0')
-    throw FileError(file, RowOf(*robot), "robot", "has no name; give it the attribute name");
+    FailFile(file, RowOf(*robot), "robot", "has no name; give it the attribute name");
   return *robot;
 }
 
@@ -302,16 +343,20 @@ struct Edge {
   const TiXmlElement* child_element;
 };
 
-Edge ReadEdge(const std::string& name, const TiXmlElement& joint, const ElementChecker& check) {
+/// None, and noted, where an end is missing.
+std::optional<Edge> ReadEdge(const std::string& name, const TiXmlElement& joint,
+                             const ElementChecker& check) {
   Edge edge;
   edge.joint = name;
-  const auto end = [&](const char* which, const TiXmlElement*& element) {
-    element = &check.Required(joint, which);
-    const char* link = element->Attribute("link");
+  edge.parent_element = check.Required(joint, "parent");
+  edge.child_element = check.Required(joint, "child");
+  if (edge.parent_element == nullptr || edge.child_element == nullptr) return std::nullopt;
+  const auto link_of = [](const TiXmlElement& element) {
+    const char* link = element.Attribute("link");
     return std::string(link == nullptr ? "" : link);
   };
-  edge.parent = end("parent", edge.parent_element);
-  edge.child = end("child", edge.child_element);
+  edge.parent = link_of(*edge.parent_element);
+  edge.child = link_of(*edge.child_element);
   return edge;
 }
 
@@ -356,105 +401,262 @@ std::string Describe(const RoundedAngle& angle) {
   return fmt::format("origin rpy {} is taken as {}", ExactDecimal(angle.given), angle.taken_as);
 }
 
-UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
-  TiXmlDocument document;
-  ParseXml(text, file, document);
-  const TiXmlElement& robot = RobotOf(document, file);
-  std::vector<Edge> edges;
-  std::vector<std::string> link_order;
-  for (const TiXmlElement* e = robot.FirstChildElement(); e != nullptr;
-       e = e->NextSiblingElement()) {
-    const std::string& kind = e->ValueStr();
-    if (kind != "link" && kind != "joint") continue;
-    const char* attribute = e->Attribute("name");
-    const std::string name = attribute == nullptr ? "" : attribute;
-    const ElementChecker check(file, fmt::format("{} '{}'", kind, name));
-    if (const char* mistake = MistakeInName(name))
-      check.Fail(*e, std::string("the name ") + mistake);
-    if (name.empty()) check.Fail(*e, "has no name; give it the attribute name");
-    Lines lines{{"", RowOf(*e)}};
-    AddLines(*e, lines);
-    Index& index = kind == "link" ? links_ : joints_;
-    if (const auto [other, is_new] = index.emplace(name, std::move(lines)); !is_new) {
-      check.Fail(*e, fmt::format("the name is taken by line {}", other->second.at("")));
-    }
-    if (kind == "link") {
-      link_order.push_back(name);
-      if (link_order.size() > kMostLinks)
-        check.Fail(*e, fmt::format("the robot has more than {} links", kMostLinks));
-      CheckLink(*e, check);
-    } else {
-      joint_order_.push_back(name);
-      CheckJoint(*e, check);
-      edges.push_back(ReadEdge(name, *e, check));
-    }
-  }
-
-  std::map<std::string, const Edge*> carried_by;
-  for (const Edge& edge : edges) {
-    const ElementChecker check(file, fmt::format("joint '{}'", edge.joint));
-    for (const auto& [name, element] :
-         {std::pair(edge.parent, edge.parent_element), std::pair(edge.child, edge.child_element)}) {
-      if (links_.count(name) == 0) {
-        check.Fail(*element, fmt::format("<{}> is the link '{}', which is not in the file",
-                                         element->ValueStr(), name));
-      }
-    }
-    if (const auto [other, is_new] = carried_by.emplace(edge.child, &edge); !is_new) {
-      check.Fail(*edge.child_element,
-                 fmt::format("its <child> '{}' is already that of joint '{}'; a link hangs on one "
-                             "joint only",
-                             edge.child, other->second->joint));
-    }
-  }
-  std::map<std::string, std::string> parents;
-  for (const auto& [link, edge] : carried_by) parents.emplace(link, edge->parent);
-  CheckTree(link_order, parents, file);
-  if (link_order.empty()) throw FileError(file, RowOf(robot), "robot", "has no link");
-
-  for (TiXmlElement* e = document.RootElement()->FirstChildElement(); e != nullptr;
-       e = e->NextSiblingElement()) {
-    if (e->ValueStr() == "link" || e->ValueStr() == "joint") {
-      TakeRightAngles(*e, fmt::format("{} '{}'", e->ValueStr(), e->Attribute("name")),
-                      rounded_angles_);
-    }
-  }
-  text_ = text;
-  if (!rounded_angles_.empty()) {
+/// Reads the document of a source, and makes of it what a parser knows.
+class UrdfSource::Reader {
+ public:
+  Reader(UrdfSource& source, const std::string& text, const std::string& file)
+      : source_(source), file_(file) {
+    ParseXml(text, file, document_);
+    static_cast<void>(RobotOf(document_, file));
+    ReadElements();
+    if (links_named_) ReadEnds();
+    if (links_named_ && connected_) CheckTree();
+    if (link_order_.empty()) mistakes_.push_back({RowOf(robot()), "robot", "has no link"});
+    if (!mistakes_.empty()) throw RobotFileError(file_, mistakes_);
+    Translate();
+    source_.text_ = text;
+    if (!changed_ && source_.rounded_angles_.empty()) return;
     TiXmlPrinter printer;
-    document.Accept(&printer);
-    text_ = printer.Str();
+    document_.Accept(&printer);
+    source_.text_ = printer.Str();
   }
-}
 
-void UrdfSource::CheckTree(const std::vector<std::string>& links,
-                           const std::map<std::string, std::string>& parents,
-                           const std::string& file) const {
-  std::string root;
-  for (const std::string& link : links) {
-    if (parents.count(link) != 0) continue;
-    if (!root.empty()) {
-      throw FileError(file, LineOfLink(link, ""), fmt::format("link '{}'", link),
-                      fmt::format("no joint carries it, and none carries '{}'; a robot has one "
-                                  "such root link",
-                                  root));
-    }
-    root = link;
+ private:
+  TiXmlElement& robot() { return *document_.RootElement(); }
+
+  static std::string KeyOf(const TiXmlElement& element, const std::string& name) {
+    return fmt::format("{} '{}'", element.ValueStr(), name);
   }
-  // From each link the way up the tree must lead to the root.
-  std::set<std::string> below_root;
-  for (const std::string& link : links) {
-    std::string at = link;
-    std::set<std::string> seen;
-    while (parents.count(at) != 0 && below_root.count(at) == 0) {
-      if (!seen.insert(at).second) {
-        throw FileError(file, LineOfLink(at, ""), fmt::format("link '{}'", at),
-                        "the joints above it lead back to itself; allowed: a tree");
+
+  void ReadElements() {
+    for (const TiXmlElement* e = robot().FirstChildElement(); e != nullptr;
+         e = e->NextSiblingElement()) {
+      const std::string& kind = e->ValueStr();
+      if (kind != "link" && kind != "joint") continue;
+      const char* attribute = e->Attribute("name");
+      const std::string name = attribute == nullptr ? "" : attribute;
+      const ElementChecker check(mistakes_, KeyOf(*e, name));
+      if (const char* mistake = MistakeInName(name))
+        check.Note(*e, std::string("the name ") + mistake);
+      if (name.empty()) {
+        check.Note(*e, "has no name; give it the attribute name");
+        links_named_ = links_named_ && kind != "link";
       }
-      at = parents.at(at);
+      Lines lines{{"", RowOf(*e)}};
+      AddLines(*e, lines);
+      Index& index = kind == "link" ? source_.links_ : source_.joints_;
+      if (const auto [other, is_new] = index.emplace(name, std::move(lines));
+          !is_new && !name.empty()) {
+        check.Note(*e, fmt::format("the name is taken by line {}", other->second.at("")));
+        links_named_ = links_named_ && kind != "link";
+      }
+      if (kind == "link") {
+        link_order_.push_back(name);
+        if (link_order_.size() > kMostLinks) {
+          check.Note(*e, fmt::format("the robot has more than {} links", kMostLinks));
+          throw RobotFileError(file_, mistakes_);
+        }
+        CheckLink(*e, check);
+      } else {
+        source_.joint_order_.push_back(name);
+        CheckJoint(*e, check);
+        if (const std::optional<Edge> edge = ReadEdge(name, *e, check)) {
+          edges_.push_back(*edge);
+        } else {
+          connected_ = false;
+        }
+      }
     }
-    below_root.merge(seen);
   }
+
+  /// Looks for the links that joints connect.
+  void ReadEnds() {
+    std::map<std::string, std::string> carried_by;
+    for (const Edge& edge : edges_) {
+      const ElementChecker check(mistakes_, fmt::format("joint '{}'", edge.joint));
+      for (const auto& [name, element] : {std::pair(edge.parent, edge.parent_element),
+                                          std::pair(edge.child, edge.child_element)}) {
+        if (source_.links_.count(name) != 0) continue;
+        if (name == kWorld && element == edge.parent_element) {
+          AddWorld(edge);
+          continue;
+        }
+        check.Note(*element, fmt::format("<{}> is the link '{}', which is not in the file",
+                                         element->ValueStr(), name));
+        connected_ = false;
+      }
+      if (const auto [other, is_new] = carried_by.emplace(edge.child, edge.joint); !is_new) {
+        check.Note(*edge.child_element,
+                   fmt::format("its <child> '{}' is already that of joint '{}'; a link hangs on "
+                               "one joint only",
+                               edge.child, other->second));
+        connected_ = false;
+        continue;
+      }
+      parents_.emplace(edge.child, edge.parent);
+    }
+  }
+
+  void AddWorld(const Edge& edge) {
+    const std::uint32_t line = RowOf(*edge.parent_element);
+    source_.links_.emplace(kWorld, Lines{{"", line}});
+    link_order_.emplace_back(kWorld);
+    TiXmlElement world("link");
+    world.SetAttribute("name", kWorld);
+    new_links_.push_back(world);
+    source_.notes_.push_back(
+        {line, fmt::format("joint '{}'", edge.joint),
+         "<parent> is 'world', which is not in the file: taken as a link without mass"});
+  }
+
+  /// Some files have a `world` that no joint has anything to do with.
+  void LeaveOutWorld() {
+    const auto world = std::find(link_order_.begin(), link_order_.end(), kWorld);
+    if (world == link_order_.end() || link_order_.size() == 1 || parents_.count(kWorld) > 0) return;
+    for (const auto& [child, parent] : parents_) {
+      if (parent == kWorld) return;
+    }
+    for (TiXmlElement* e = robot().FirstChildElement("link"); e != nullptr;
+         e = e->NextSiblingElement("link")) {
+      const char* const name = e->Attribute("name");
+      if (name == nullptr || name != std::string_view(kWorld)) continue;
+      if (e->FirstChildElement() != nullptr) return;  // There is something in it.
+      source_.notes_.push_back(
+          {RowOf(*e), KeyOf(*e, kWorld), "no joint has anything to do with it: left out"});
+      robot().RemoveChild(e);
+      changed_ = true;
+      break;
+    }
+    source_.links_.erase(kWorld);
+    link_order_.erase(world);
+  }
+
+  /// There is at most one root, and every link leads up to it.
+  void CheckTree() {
+    const auto note = [this](const std::string& link, const std::string& problem) {
+      mistakes_.push_back({source_.LineOfLink(link, ""), fmt::format("link '{}'", link), problem});
+    };
+    LeaveOutWorld();
+    std::string root;
+    for (const std::string& link : link_order_) {
+      if (parents_.count(link) != 0) continue;
+      if (!root.empty()) {
+        note(link, fmt::format("no joint carries it, and none carries '{}'; a robot has one such "
+                               "root link",
+                               root));
+        continue;
+      }
+      root = link;
+    }
+    // From each link the way up the tree must lead to the root.
+    std::set<std::string> below_root;
+    for (const std::string& link : link_order_) {
+      std::string at = link;
+      std::set<std::string> seen;
+      while (parents_.count(at) != 0 && below_root.count(at) == 0) {
+        if (!seen.insert(at).second) {
+          note(at, "the joints above it lead back to itself; allowed: a tree");
+          return;
+        }
+        at = parents_.at(at);
+      }
+      below_root.merge(seen);
+    }
+  }
+
+  /// Makes of what a parser does not know what it does.
+  void Translate() {
+    for (const TiXmlElement& link : new_links_) robot().InsertEndChild(link);
+    changed_ = changed_ || !new_links_.empty();
+    RemoveMaterials(robot());
+    for (TiXmlElement* e = robot().FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+      if (e->ValueStr() != "link" && e->ValueStr() != "joint") continue;
+      const std::string name = e->Attribute("name");
+      TakeRightAngles(*e, KeyOf(*e, name), source_.rounded_angles_);
+      if (e->ValueStr() == "joint") {
+        TranslateJoint(*e, name);
+      } else {
+        TranslateCapsules(*e);
+      }
+    }
+  }
+
+  /// Colours count for nothing here, and files repeat their names.
+  void RemoveMaterials(TiXmlElement& parent) {
+    for (TiXmlElement* e = parent.FirstChildElement(); e != nullptr;) {
+      TiXmlElement* const next = e->NextSiblingElement();
+      if (e->ValueStr() == "material") {
+        parent.RemoveChild(e);
+        changed_ = true;
+      } else {
+        RemoveMaterials(*e);
+      }
+      e = next;
+    }
+  }
+
+  void TranslateCapsules(TiXmlElement& parent) {
+    for (TiXmlElement* e = parent.FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+      TranslateCapsules(*e);
+      if (e->ValueStr() != kCapsule || !IsGeometry(*e)) continue;
+      // Its length is that between the centres of its ends.
+      const double radius = ToNumbers(e->Attribute("radius")).value().front();
+      const double length = ToNumbers(e->Attribute("length")).value().front();
+      e->SetValue("cylinder");
+      e->SetAttribute("length", ExactDecimal(length + 2 * radius).c_str());
+      changed_ = true;
+    }
+  }
+
+  void TranslateJoint(TiXmlElement& joint, const std::string& name) {
+    const std::string type = TypeOf(joint);
+    if (!IsKnownType(type)) {
+      source_.held_.emplace(name, fmt::format("its type is '{}'; allowed: {}, or lock it at 0",
+                                              type, fmt::join(kJointTypes, ", ")));
+      joint.SetAttribute("type", "fixed");
+      changed_ = true;
+    }
+    if (type != "revolute" && type != "prismatic" && type != "continuous") return;
+    const std::string key = KeyOf(joint, name);
+    TiXmlElement* limit = joint.FirstChildElement("limit");
+    if (limit == nullptr && type == "continuous") return;
+    if (limit == nullptr) {
+      source_.lacks_.emplace(name, RobotFinding{RowOf(joint), key, "lacks <limit>"});
+      limit = joint.InsertEndChild(TiXmlElement("limit"))->ToElement();
+      // Without ends, it can be looked at wherever it is.
+      for (const auto& [attribute, value] :
+           {std::pair("lower", -kNoLimit), std::pair("upper", kNoLimit),
+            std::pair("effort", kNoLimit), std::pair("velocity", kNoLimit)})
+        limit->SetAttribute(attribute, ExactDecimal(value).c_str());
+      changed_ = true;
+      return;
+    }
+    for (const char* attribute : {"effort", "velocity"}) {
+      if (limit->Attribute(attribute) != nullptr) continue;
+      source_.lacks_.emplace(
+          name, RobotFinding{RowOf(*limit), key,
+                             fmt::format("<limit> lacks the attribute {}", attribute)});
+      limit->SetAttribute(attribute, ExactDecimal(kNoLimit).c_str());
+      changed_ = true;
+    }
+  }
+
+  UrdfSource& source_;
+  const std::string& file_;
+  TiXmlDocument document_;
+  std::vector<RobotFinding> mistakes_;
+  std::vector<std::string> link_order_;
+  std::vector<Edge> edges_;
+  std::map<std::string, std::string> parents_;  // the link that carries each link
+  std::vector<TiXmlElement> new_links_;
+  /// Whether every link has a name of its own, and every joint its two ends. Without, ends and tree
+  /// would lack what is only misspelt.
+  bool links_named_ = true, connected_ = true;
+  bool changed_ = false;
+};
+
+UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
+  Reader(*this, text, file);
 }
 
 std::uint32_t UrdfSource::LineOf(const Index& index, const std::string& name,

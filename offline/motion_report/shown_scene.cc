@@ -132,6 +132,8 @@ ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
     shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
     shown.joint_torques_nm.push_back(sample.torque[j]);
   }
+  for (const PassiveJoint& joint : problem.scene.robot.passive)
+    shown.passive_positions_rad.push_back(sample.q[static_cast<std::size_t>(joint.dof)]);
   for (const ActiveContact<Plane>& contact : sample.contacts) {
     const Plane::Vector p = origin + contact.point;
     shown.forces.push_back({p.x(), p.y(), contact.force.x(), contact.force.y(), contact.normal.x(),

@@ -71,13 +71,13 @@ std::string Urdf(const std::string& name, int joints) {
 }
 
 /// The pose of the arm as a table: the first joint at an angle, the others straight.
-std::string Pose(int joints, const std::string& first) {
+std::string PoseText(int joints, const std::string& first) {
   std::string text = "{ joint1 = " + first;
   for (int j = 2; j <= joints; ++j) text += fmt::format(", joint{} = 0.0", j);
   return text + " }";
 }
 
-std::string Task(const std::string& name, int joints, bool rise) {
+std::string TaskText(const std::string& name, int joints, bool rise) {
   constexpr const char* kLying = "-1.5707963267948966";
   return fmt::format(R"(# {0}
 #   tumbler-optimize {1}
@@ -152,8 +152,8 @@ max_evaluations = 60      # ... with so many evaluations each
                           : "tasks/lie.toml --start-from motions/rise.toml --out motions/lie.toml",
                      rise ? "no guess of the motion is given"
                           : "it begins where the other motion leaves the robot",
-                     rise ? "rise" : "lie", name, Pose(joints, rise ? kLying : "0.0"),
-                     Pose(joints, rise ? "0.0" : kLying), joints <= 4 ? "1.2" : "1.8");
+                     rise ? "rise" : "lie", name, PoseText(joints, rise ? kLying : "0.0"),
+                     PoseText(joints, rise ? "0.0" : kLying), joints <= 4 ? "1.2" : "1.8");
 }
 
 std::string Sequence(const std::string& name) {
@@ -292,8 +292,8 @@ int NewRobotRate(int joints) { return joints <= 2 ? 1000 : joints <= 5 ? 500 : 2
 
 std::vector<NewFile> NewRobot(const std::string& name, int joints) {
   return {{name + ".urdf", Urdf(name, joints)},
-          {"tasks/rise.toml", Task(name, joints, true)},
-          {"tasks/lie.toml", Task(name, joints, false)},
+          {"tasks/rise.toml", TaskText(name, joints, true)},
+          {"tasks/lie.toml", TaskText(name, joints, false)},
           {name + ".toml", Sequence(name)},
           {"drives.toml", Drives(name, joints)},
           {"twin.toml", Twin(name)},

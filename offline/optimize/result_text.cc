@@ -10,6 +10,7 @@
 
 #include "offline/certificate/certificate_text.h"
 #include "offline/model/urdf_source.h"
+#include "offline/optimize/default_drives_note.h"
 
 namespace tumbler {
 namespace {
@@ -67,6 +68,8 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
   for (const PurposeFigure& figure : look.purpose) {
     fmt::print(people, "    {}: {}\n", figure.name(), figure.AskedAndGot(figure.result));
   }
+  if (look.purpose.empty())
+    fmt::print(people, "    the task asks for nothing that a run could meet or miss\n");
   if (look.drives) {
     fmt::print(
         people,
@@ -87,6 +90,22 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
         "use a longer settle_s\n",
         100 * look.held_torque_excess);
   }
+}
+
+/// Prints how slow the loops of the drives may be for the task's damping, and warns where the twin
+/// is too slow.
+void PrintDamping(std::FILE* people, const TaskResult& result) {
+  const DampedMotion& damping = result.damping;
+  if (damping.rate_per_s == 0) return;
+  fmt::print(people, "  damping: {}\n",
+             damping.Describe({result.problem().drive_gains().kd_nm_s_per_rad}));
+  constexpr double kTwinStep_s = 50e-6;  // what a simulation has without a twin file
+  if (damping.AdvisedPeriod() >= kTwinStep_s) return;
+  fmt::print(stderr,
+             "warning: advised are loops of the drives of {:.3g} ms or less, which is shorter than "
+             "the {:.3g} ms of most drives and of a simulation: give the drives less kd, or the "
+             "joints a rotor_inertia_kg_m2 if the motors have one\n",
+             1e3 * damping.AdvisedPeriod(), 1e3 * kTwinStep_s);
 }
 
 /// Prints how far the motion is from a minimum, and what holds it there.
@@ -118,6 +137,9 @@ void PrintNotes(const Task& task) {
     fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, angle.line, angle.key,
                Describe(angle));
   }
+  for (const RobotFinding& note : robot.notes()) {
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, note.line, note.key, note.problem);
+  }
   for (const IgnoredShape& shape : task.problem.scene.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);
@@ -127,6 +149,8 @@ void PrintNotes(const Task& task) {
     fmt::print(stderr, "{}: note: no collision shape, so passes through the ground: {}\n",
                task.robot_file, through);
   }
+  if (const std::string beyond = BeyondDefaultDrives(task.problem); !beyond.empty())
+    fmt::print(stderr, "{}: note: {}\n", task.task_file, beyond);
   PrintContact(task.problem, task.task_file);
 }
 
@@ -156,6 +180,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
   for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
     fmt::print(people, "  {} {}\n", name, value);
   PrintSecondLook(people, result.look);
+  PrintDamping(people, result);
   PrintMinimum(people, result);
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(

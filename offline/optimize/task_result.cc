@@ -131,6 +131,16 @@ const char* WiderBounds(const Problem& problem) {
   return problem.free_duration ? "; or wider bounds of the duration" : "";
 }
 
+/// What may help a robot that stays with exact joints, and leaves as drives play the motion.
+std::string StifferDrives(const Problem& problem, const DriveGains& drives) {
+  const char* const table = problem.robust ? "robust" : "drives";
+  return fmt::format(
+      "use stiffer drives: a larger {0}.kp_nm_per_rad than {1}, and {0}.kd_nm_s_per_rad than {2}, "
+      "as far as the robot's drives carry them; or let it end where it stands more firmly, on "
+      "wider feet or with its mass lower",
+      table, drives.kp_nm_per_rad, drives.kd_nm_s_per_rad);
+}
+
 /// Makes the file of the best motion, or says why there is none.
 void MakeFile(TaskResult& result, Looks& looks) {
   Solution& best = result.best;
@@ -144,6 +154,14 @@ void MakeFile(TaskResult& result, Looks& looks) {
         "be found: without robust.feedback.from_guess, first the path without [robust.feedback] "
         "(--guess and [mirror] may stay), then the gains with that as the guess",
         1e3 * result.look.step_s, result.look.Objections());
+    return;
+  }
+  if (result.look.leaving && result.look.drives) {
+    // It is as the task asks until the drives give way: another motion would not end elsewhere.
+    result.cause = fmt::format(
+        "a simulation of the best motion shows that the robot does not stay where the task asks "
+        "for it: {}; {}",
+        result.look.Objections(), StifferDrives(result.problem(), *result.look.drives));
     return;
   }
   if (!result.look.acceptable()) {
@@ -166,6 +184,9 @@ void MakeFile(TaskResult& result, Looks& looks) {
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
   // The certificate computes independently of the solver, and decides.
   if (file.certificate.constraint_violation <= kNoViolation) {
+    const std::vector<double> kd(result.problem().joints.size(),
+                                 result.problem().drive_gains().kd_nm_s_per_rad);
+    result.damping = DampingOf(result.problem(), file.primitive, kd);
     result.file = std::move(file);
     return;
   }

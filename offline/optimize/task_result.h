@@ -10,6 +10,7 @@
 #include "common/primitive_toml.h"
 #include "offline/certificate/certificate.h"
 #include "offline/certificate/second_look.h"
+#include "offline/problem/damped_motion.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/minima.h"
 #include "offline/solver/solver.h"
@@ -30,6 +31,7 @@ struct TaskResult {
   /// What the second look objects to, for each of the minima; empty where it accepts the motion.
   std::vector<std::string> minima_objections;
   std::optional<PrimitiveFile> file;
+  DampedMotion damping;  ///< Of the file's motion, with the task's gains.
   double wall_s = 0;
   double cpu_s = 0;
   double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.

@@ -18,8 +18,9 @@ constexpr Range kSpeed{0.01, 1e4};
 constexpr std::array kMotorKeys = {
     KeyOf<&Motor::viscous_friction_nm_s_per_rad>("viscous_friction_nm_s_per_rad", {0, 10},
                                                  "besides the URDF's damping"),
-    KeyOf<&Motor::dry_friction_nm>("dry_friction_nm", {0, 5},
-                                   "full above 0.05 rad/s, as smooth below it as the ground's"),
+    KeyOf<&Motor::dry_friction_nm>("dry_friction_nm", {0, kLargestDryFriction},
+                                   "full above 0.05 rad/s, as smooth below it as the ground's")
+        .Default("the URDF's friction"),
     KeyOf<&Motor::base_speed_rad_s>(
         "base_speed_rad_s", kSpeed,
         "above the first the torque in the direction of motion falls, to zero at the second, which "
@@ -67,6 +68,7 @@ void ReadMotors(TomlTable& root, Problem& problem) {
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     ActuatedJoint& joint = problem.joints[j];
     Dof<Plane>& dof = robot.tree.dofs[Index(joint.dof)];
+    joint.motor.dry_friction_nm = robot.dry_friction_nm[Index(joint.dof)];
     ReadKeys(*all, kMotorKeys, joint.motor);
     std::optional<TomlTable> own = all->OptionalTable(dof.name);
     if (own) ReadKeys(*own, kMotorKeys, joint.motor);

@@ -8,6 +8,9 @@
 
 namespace tumbler {
 
+/// The most dry friction that a joint has in a simulation [N m].
+inline constexpr double kLargestDryFriction = 5;
+
 /// Sets the motors of a task's joints, in the problem and in its scene: their friction, their
 /// torque-speed curve, and the limits of velocity that follow from it.
 /// @param root  the task, whose `[motor]` may be missing: then nothing changes.

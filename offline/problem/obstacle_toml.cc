@@ -38,6 +38,8 @@ void ReadNormal(TomlTable& table, std::string_view key, HalfSpace& half_space) {
 constexpr std::array kHalfSpaceKeys = {
     KeyOf<&HalfSpace::point>("point_m", kPlace, "x, z of a point of its surface").Required(),
     KeyReadBy<HalfSpace>("normal", ReadNormal, "out of it; made a unit vector")
+        .Schema(
+            R"({"type": "array", "items": {"type": "number", "minimum": -1000, "maximum": 1000}, "minItems": 2, "maxItems": 2})")
         .Required()
         .Allowed("-1000 to 1000, not both 0"),
 };
@@ -75,6 +77,8 @@ void ReadEnd(TomlTable& table, std::string_view key, Capsule& capsule) {
 constexpr std::array kCapsuleKeys = {
     KeyOf<&Capsule::from>("from_m", kPlace, "x, z of the centre of a round end").Required(),
     KeyReadBy<Capsule>("to_m", ReadEnd, "of the other")
+        .Schema(
+            R"({"type": "array", "items": {"type": "number", "minimum": -1000, "maximum": 1000}, "minItems": 2, "maxItems": 2})")
         .Required()
         .Allowed("-1000 to 1000, 1e-6 from `from_m` or more"),
     KeyOf<&Capsule::radius_m>("radius_m", kSize, "").Required(),

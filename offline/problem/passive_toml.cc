@@ -1,5 +1,7 @@
 #include "offline/problem/passive_toml.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -42,6 +44,13 @@ void ReadPassiveJoints(TomlTable& root, Problem& problem) {
     if (!table) continue;
     PassiveEntry entry;
     ReadKeys(*table, kPassiveKeys, entry);
+    if (const double friction_nm = robot.dry_friction_nm[i]; friction_nm > 0) {
+      all->Fail(
+          dof.name,
+          fmt::format("has a dry friction of {} N m in the robot's file, which is simulated in "
+                      "joints with a motor only; allowed: 0 there, and a damping",
+                      MessageNumber(friction_nm)));
+    }
     entry.dof = static_cast<int>(i);
     dof.damping_nm_s_per_rad += entry.damping_nm_s_per_rad;
     robot.passive.push_back(entry);

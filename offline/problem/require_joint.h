@@ -15,6 +15,10 @@ namespace tumbler {
 inline void RequireJoint(const TomlTable& table, const std::string& name, const Problem& problem) {
   const PlanarRobot& robot = problem.scene.robot;
   if (robot.FindDof(name) >= robot.root_dofs) return;
+  for (const LockedJoint& lock : robot.locked) {
+    if (lock.name == name)
+      table.Fail(name, "is locked, so nothing moves it; leave it out here, or out of `locked`");
+  }
   std::string names;
   for (std::size_t j = static_cast<std::size_t>(robot.root_dofs); j < robot.tree.dofs.size(); ++j)
     names += (names.empty() ? "" : ", ") + robot.tree.dofs[j].name;

@@ -105,11 +105,15 @@ constexpr std::array kPairKeys = {
     KeyReadBy<SelfContactEntry>("leave_out", LeaveOut,
                                 "pairs that may come nearer, by names of links or shapes: "
                                 "`[[\"leg1_link\", \"leg2_link/0\"]]`")
+        .Schema(
+            R"({"type": "array", "items": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}})")
         .Default("none")
         .Allowed("pairs of names"),
     KeyReadBy<SelfContactEntry>("add", Add,
                                 "pairs that are left out by the [rule](method.md#self-contact), "
                                 "and are to stay apart all the same")
+        .Schema(
+            R"({"type": "array", "items": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}})")
         .Default("none")
         .Allowed("pairs of names"),
 };

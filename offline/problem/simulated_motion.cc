@@ -35,8 +35,8 @@ void RequireOneRobot(const SimulatedMotion& motion) {
     if (SameJoints(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
     throw FileError(
         file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
-        fmt::format("was made for other [motor] or [passive], or damping of joints, than "
-                    "'{}'; give both tasks the same and make it again",
+        fmt::format("was made for other [motor] or [passive], or damping of joints, or locked "
+                    "joints, than '{}'; give both tasks the same and make it again",
                     file.primitive_names.front()));
   }
 }

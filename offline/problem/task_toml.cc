@@ -15,6 +15,7 @@
 #include "common/file_keys.h"
 #include "common/printable.h"
 #include "offline/contact/contact_intent.h"
+#include "offline/model/robot.h"
 #include "offline/problem/bounds_toml.h"
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/end_points.h"
@@ -66,6 +67,7 @@ void ReadName(TomlTable& table, std::string_view key, Problem& problem) {
 
 constexpr std::array kNameKeys = {
     KeyReadBy<Problem>("name", ReadName, "name of the primitive")
+        .Schema(R"({"type": "string", "minLength": 1, "maxLength": 48})")
         .Required()
         .Allowed("1 to 48 bytes"),
 };
@@ -95,6 +97,8 @@ constexpr std::array kSplineKeys = {
         "control_points", ReadControlPoints,
         "for each joint with a motor; the first and last three are given by the ends. Or a table "
         "with all of them: `{ leg1 = 11, leg2 = 12 }`")
+        .Schema(
+            R"({"type": ["integer", "object"], "minimum": 7, "maximum": 64, "additionalProperties": {"type": "integer", "minimum": 7, "maximum": 64}})")
         .Default("12")
         .Allowed("7 (and degree + 1) to 64"),
 };
@@ -136,6 +140,8 @@ constexpr std::array kMirrorKeys = {
         "e.g. `[[\"leg1\", \"leg2\"]]`: each moves as the other does in the guess, "
         "the other way round; joints not named keep their role, the other way round, "
         "too")
+        .Schema(
+            R"({"type": "array", "items": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}})")
         .Required()
         .Allowed("pairs of joints, each joint once"),
 };
@@ -161,6 +167,7 @@ class TaskReader {
     ReadJoints();
     ReadPassiveStart();
     ReadMotors(root_, problem_);
+    CheckDryFriction();
     ReadSlope();
     ReadBar();
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
@@ -203,6 +210,22 @@ class TaskReader {
       why = "the feedback of [robust.feedback] is found with the torque of the end";
     if (!why.empty())
       root_.Fail("held_torque", fmt::format("is \"rest\", but {}; allowed: \"end\"", why));
+  }
+
+  /// Checks that a simulation, which is stiff in what holds a joint, can have the file's friction.
+  void CheckDryFriction() {
+    const PlanarRobot& robot = scene_.robot;
+    for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+      const std::size_t dof = Index(problem_.joints[j].dof);
+      const double friction_nm =
+          scene_.motors.empty() ? robot.dry_friction_nm[dof] : scene_.motors[j].dry_friction_nm;
+      if (friction_nm <= kLargestDryFriction) continue;
+      root_.Fail(
+          "robot",
+          fmt::format("has joint '{0}' with a dry friction of {1} N m, which is more than is "
+                      "simulated; allowed: up to {2}, or motor.{0}.dry_friction_nm",
+                      robot.tree.dofs[dof].name, MessageNumber(friction_nm), kLargestDryFriction));
+    }
   }
 
   /// Reads the joints' velocities at the ends of the motion.
@@ -398,8 +421,12 @@ class TaskReader {
 
   void ReadObstacles() {
     // What flies says so; what hangs from a bar need not.
-    std::vector<TomlTable> tables =
-        scene_.robot.hinged() ? root_.OptionalTables("obstacle") : root_.Tables("obstacle");
+    constexpr const char* kWhatToWrite =
+        "say what the robot can touch: for level ground [[obstacle]], and below it name = "
+        "\"ground\", point_m = [0, 0] and normal = [0, 1]; for nothing at all obstacle = [], above "
+        "the file's first [table]";
+    std::vector<TomlTable> tables = scene_.robot.hinged() ? root_.OptionalTables("obstacle")
+                                                          : root_.Tables("obstacle", kWhatToWrite);
     for (TomlTable& table : tables) {
       const Obstacle<Plane> obstacle = ReadObstacle(table);
       for (const Obstacle<Plane>& other : scene_.obstacles) {
@@ -753,6 +780,53 @@ class TaskReader {
   Scene& scene_ = problem_.scene;
 };
 
+/// The joints that the task holds.
+LockedJoints ReadLocked(TomlTable& root) {
+  LockedJoints locked;
+  std::optional<TomlTable> table = root.OptionalTable("locked");
+  if (!table) return locked;
+  for (const std::string& name : table->Keys())
+    locked.emplace(name, table->Number(name, kTaskPlace));
+  return locked;
+}
+
+/// Checks that the joints which the task holds are the robot's, and may be where it holds them.
+void CheckLocked(TomlTable& root, const LockedJoints& locked, const Robot& robot) {
+  if (locked.empty()) return;
+  const TomlTable table = root.Table("locked");
+  for (const auto& [name, position_rad] : locked) {
+    const auto found = std::ranges::find(robot.locked, name, &LockedJoint::name);
+    if (found == robot.locked.end()) {
+      std::string names;
+      for (const LockedJoint& lock : robot.locked) names += (names.empty() ? "" : ", ") + lock.name;
+      for (std::size_t j = Index(robot.root_dofs); j < robot.tree.dofs.size(); ++j)
+        names += (names.empty() ? "" : ", ") + robot.tree.dofs[j].name;
+      table.Fail(name, fmt::format("is no joint of the robot that moves; its joints: {}", names));
+    }
+  }
+  for (const LockedJoint& joint : robot.locked) {
+    if (const auto asked = locked.find(joint.name);
+        asked != locked.end() && asked->second != joint.position_rad) {
+      table.Fail(
+          joint.name,
+          fmt::format("is {}, but it follows '{}', with which it is at {}; leave "
+                      "it out",
+                      MessageNumber(asked->second), joint.with, MessageNumber(joint.position_rad)));
+    }
+    const RobotJointLimits& limits = joint.limits;
+    if (joint.position_rad >= limits.lower_rad && joint.position_rad <= limits.upper_rad) continue;
+    const bool follows = !joint.with.empty();
+    const std::string& asked = follows ? joint.with : joint.name;
+    table.Fail(asked,
+               fmt::format("is {}{}; allowed: where the robot's file lets it be, {} ... {}",
+                           MessageNumber(locked.at(asked)),
+                           follows ? fmt::format(", which puts '{}', which follows it, at {}",
+                                                 joint.name, MessageNumber(joint.position_rad))
+                                   : "",
+                           MessageNumber(limits.lower_rad), MessageNumber(limits.upper_rad)));
+  }
+}
+
 Task Parse(const std::string& task_text, const std::string& task_name,
            const std::string& robot_text, const std::string& robot_name,
            std::optional<StartPose> given) {
@@ -760,7 +834,10 @@ Task Parse(const std::string& task_text, const std::string& task_name,
   ReadHeader(root, kTaskHeader);
   TaskRobot named;
   ReadKeys(root, kTaskRobotKeys, named);
-  PlanarRobot robot = ParsePlanarRobot(robot_text, robot_name, named.root);
+  const LockedJoints locked = ReadLocked(root);
+  const Robot in_space = ParseRobot(robot_text, robot_name, named.root, locked);
+  CheckLocked(root, locked, in_space);
+  PlanarRobot robot = ReduceToPlane(in_space);
   return {TaskReader(std::move(root), std::move(robot), std::move(given)).Read(),
           task_name,
           task_text,
@@ -798,6 +875,12 @@ std::vector<KeyTable> TaskKeyTables() {
   const KeyRow joints{
       "", "`joints_rad`", "required",
       "table: every joint with a motor, within its limits; a `[passive]` one may be there", ""};
+  const KeyRow locked{
+      "", "`locked`", "none",
+      "table: some of the joints, and where they are [rad, m], within the URDF's "
+      "limits",
+      "joints that nothing moves: what they connect is one body, in plans, twin and "
+      "pages, and no drive is theirs; with a joint go those that `mimic` it"};
   const KeyRow velocities{"", "`joints_rad_s`", "0 each",
                           "table: some of the joints, within their limits of velocity",
                           "velocities of the joints, whose accelerations are 0 there"};
@@ -805,6 +888,7 @@ std::vector<KeyTable> TaskKeyTables() {
            Joined({{RowOf(kTaskHeader)},
                    RowsOf(kNameKeys),
                    RowsOf(kTaskRobotKeys),
+                   {locked},
                    RowsOf(kTaskTimeKeys),
                    RowsOf(kTaskDurationKeys),
                    RowsOf(kTaskGroundKeys)})},
@@ -851,11 +935,11 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
   const Scene scene_before = TaskOf(before).problem.scene;
   if (!SameJoints(task.problem.scene, scene_before)) {
-    throw FileError(
-        before_path, 0, "provenance.task_toml",
-        fmt::format("has other [motor] or [passive], or damping of joints, than the task {}: what "
-                    "one robot does is no start for another; give both the same",
-                    path));
+    throw FileError(before_path, 0, "provenance.task_toml",
+                    fmt::format("has other [motor] or [passive], or damping of joints, or locked "
+                                "joints, than the task {}: what "
+                                "one robot does is no start for another; give both the same",
+                                path));
   }
   if (!SameGround(task.problem.scene, scene_before)) {
     throw FileError(

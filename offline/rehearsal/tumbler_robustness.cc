@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/index.h"
 #include "common/program.h"
 #include "common/progress_line.h"
 #include "common/result_file.h"
@@ -28,9 +29,10 @@ namespace {
 
 constexpr const char* kExitCodes =
     R"(Exit codes:
-  0  done, however many stand
+  0  done: every robot was judged, however many stand
   1  wrong usage, or a file that cannot be used or written
   2  refused: the motion, its drives or the hold do not suit what is asked for
+  4  robots were not judged: they are in no share, and nothing is certified
   130  interrupted: with --checkpoint, what was found is kept)";
 
 struct Arguments {
@@ -187,7 +189,10 @@ void WriteResults(const Arguments& arguments, const RobustnessResult& result,
   if (agreement) fmt::print(text_to, "{}", ToText(*agreement));
   if (!arguments.report.empty())
     fmt::print(text_to, "wrote {}\n", WritePage(RobustnessPage(result), arguments.report));
-  if (arguments.certify) {
+  const bool all_judged = Index(result.Judged()) == result.trials.size();
+  if (arguments.certify && !all_judged)
+    fmt::print(stderr, "nothing was certified: {}\n", NotJudgedText(result));
+  if (arguments.certify && all_judged) {
     for (const std::string& path : Certify(result))
       fmt::print(text_to, "wrote the share into {}\n", path);
   }
@@ -237,6 +242,7 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   }
   if (work.result) {
     WriteResults(arguments, *work.result, agreement);
+    if (Index(work.result->Judged()) != work.result->trials.size()) return ExitStatus::kAmiss;
   } else if (processes.rank() == 0) {
     fmt::print("{} of {} robots are known; {} has them\n", work.known, plan.robots,
                plan.checkpoint);

@@ -94,6 +94,11 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
                            {"setpoints", drive.setpoints_received()},
                            {"watchdog_expiries", drive.watchdog_expiries()}});
   }
+  json["passive_joints"] = Json::Array();
+  for (std::size_t i = 0; i < robot.passive_joints().size(); ++i) {
+    json["passive_joints"].Append(
+        {{"name", robot.passive_joints()[i]}, {"position_rad", state.passive_positions_rad[i]}});
+  }
   json["events"] = Json::Array();
   for (const PostureEvent& event : robot.posture().events()) {
     constexpr std::array kNames = {"rest", "fall", "overlap"};  // of PostureEvent::Kind

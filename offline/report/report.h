@@ -43,6 +43,8 @@ struct ReportSample {
     double normal_x = 0, normal_z = 1;  ///< Unit normal of the surface, towards the robot.
   };
   std::vector<Force> forces;  ///< Of the contacts that carry force now.
+  /// Of the joints without a motor. Empty: not known.
+  std::vector<double> passive_positions_rad;
 };
 
 /// A point of the solver's progress: cost and largest violation of one evaluation.

@@ -394,9 +394,11 @@ class RobustSearch {
     std::array<LaneState<double>, kLanes> states;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       robots[lane] = lanes_.robot;
-      // The plan knows the URDF's friction alone.
-      for (std::size_t j = 0; j < joints_; ++j)
+      // The plan knows the URDF's damping alone.
+      for (std::size_t j = 0; j < joints_; ++j) {
         robots[lane].joints[j].viscous_friction -= robust_.drive.viscous_friction_nm_s_per_rad;
+        robots[lane].joints[j].dry_friction = 0;
+      }
       states[lane] = Start();
     }
     LaneState<Packet> state = PackLanes<LaneState>(states);

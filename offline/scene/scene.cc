@@ -22,6 +22,7 @@ bool SameJoints(const Scene& a, const Scene& b) {
     return x.damping_nm_s_per_rad == y.damping_nm_s_per_rad;
   };
   return a.motors == b.motors && a.robot.passive == b.robot.passive &&
+         a.robot.locked == b.robot.locked &&
          std::ranges::equal(a.robot.tree.dofs, b.robot.tree.dofs, same_damping);
 }
 

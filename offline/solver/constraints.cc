@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "common/index.h"
+#include "common/spline_extent.h"
 #include "offline/linear/least_squares.h"
 #include "offline/scene/self_clearance.h"
 
@@ -18,6 +19,11 @@ constexpr double kActive = 1e-5;
 /// The solver aims at the whole margins of torque and penetration. A motion that keeps this part of
 /// them keeps its limits: where steps are chosen anew, peaks move by a little.
 constexpr double kKeptMargin = 0.5;
+
+/// Into how many parts each span of a path is cut for the limits of its derivatives. What bounds
+/// the control points bounds the path, but an optimum's own control points are up to twice as far
+/// out. The distance falls by the square of the parts.
+constexpr int kParts = 8;
 
 /// A constraint that is active.
 struct Active {
@@ -145,32 +151,34 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
     const auto at_rest = PositionSpline(with_ends_at_rest, zero, j);
     for (int d = 1; d <= 2; ++d) {
       if (!std::isfinite(limit[d])) continue;
-      const std::size_t points = constant.control_points(d).size();
+      const std::vector<double> base =
+          RefinedControlPoints(free_duration ? at_rest : constant, d, kParts);
+      const std::vector<double> fixed = RefinedControlPoints(constant, d, kParts);
+      const std::size_t points = fixed.size();
       std::vector<LinearRow> upper(points);
       for (std::size_t k = 0; k < points; ++k) {
         upper[k].name =
             std::string(d == 1 ? "velocity of " : "acceleration of ") +
             problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
         upper[k].a.assign(n, 0.0);
-        upper[k].b = (free_duration ? at_rest : constant).control_points(d)[k] / limit[d];
+        upper[k].b = base[k] / limit[d];
         upper[k].derivative = d;
         upper[k].of_free_duration = free_duration;
       }
       for (std::size_t i = 0; i < free; ++i) {
         std::vector<double> unit = zero;
         unit[first + i] = 1;
-        const auto moved = PositionSpline(problem, unit, j);
-        for (std::size_t k = 0; k < points; ++k) {
-          upper[k].a[first + i] =
-              (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
-        }
+        const std::vector<double> moved =
+            RefinedControlPoints(PositionSpline(problem, unit, j), d, kParts);
+        for (std::size_t k = 0; k < points; ++k)
+          upper[k].a[first + i] = (moved[k] - fixed[k]) / limit[d];
       }
       for (LinearRow& row : upper) {
         // The ends fix this control point, so no parameter changes it.
         if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;
         if (free_duration) {
           const auto k = static_cast<std::size_t>(&row - upper.data());
-          row.a.back() = (constant.control_points(d)[k] - at_rest.control_points(d)[k]) / limit[d];
+          row.a.back() = (fixed[k] - base[k]) / limit[d];
         }
         const double right = free_duration ? 0 : 1;  // where it is a number
         LinearRow lower = row;

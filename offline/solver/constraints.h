@@ -28,8 +28,9 @@ struct LinearRow {
   [[nodiscard]] LinearRow LinearAt(std::span<const double> x) const;
 };
 
-/// The velocity and acceleration limits for all t, by the control points: rows divided by their
-/// limits. Position limits are plain bounds of the parameters, and no rows.
+/// The velocity and acceleration limits for all t, by refined control points
+/// (common/spline_extent.h), of which an optimum's are within 2 % of its path: rows divided by
+/// their limits. Position limits are plain bounds of the parameters, and no rows.
 std::vector<LinearRow> DerivativeLimitRows(const Problem& problem);
 
 /// The constraints that a simulation computes, as a rollout scales them: 0 or less where they are

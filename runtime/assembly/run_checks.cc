@@ -2,48 +2,58 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "firmware_interface/can/bus_schedule.h"
 
 namespace tumbler {
 namespace {
 
-void CheckRangesOf(const Sequence<float>& sequence, int node, const DrivesConfig& drives) {
+/// What of the motion of a node is beyond the drives' ranges. The same is said once.
+void CompareRanges(const Sequence<float>& sequence, int node, const DrivesConfig& drives,
+                   std::vector<std::string>& beyond) {
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     const DriveEntry& entry = drives.drives[i];
     const auto role = static_cast<std::size_t>(sequence.graph.RoleOf(node, static_cast<int>(i)));
     const JointLimits<float>& limits = sequence.PrimitiveOf(node).joints[role].limits;
     const JointMap& map = JointOf(entry.config);
     const ShaftRanges ranges = CommandRanges(entry.config);
-    const auto check = [&entry](const char* what, const char* unit, float value,
-                                const DriveRange& range) {
-      if (value < range.min || value > range.max) {
-        throw Refused(fmt::format(
-            "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
-            "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
-            entry.joint, what, value, unit, range.min, range.max, unit));
-      }
+    const auto compare = [&](const char* what, const char* unit, float value,
+                             const DriveRange& range) {
+      if (value >= range.min && value <= range.max) return;
+      const std::string said = fmt::format(
+          "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
+          "{:.4g} {}",
+          entry.joint, what, value, unit, range.min, range.max, unit);
+      if (std::ranges::find(beyond, said) == beyond.end()) beyond.push_back(said);
     };
     for (const DriveRange& range : {ranges.position_rad, ReportedPositions(entry.config)}) {
-      check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
-      check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
+      compare("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
+      compare("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
     }
-    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
-          ranges.velocity_rad_s);
-    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
-          ranges.velocity_rad_s);
-    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), ranges.torque_nm);
-    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), ranges.torque_nm);
+    compare("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
+            ranges.velocity_rad_s);
+    compare("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
+            ranges.velocity_rad_s);
+    compare("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), ranges.torque_nm);
+    compare("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), ranges.torque_nm);
   }
 }
 
 }  // namespace
 
 void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives) {
-  for (int node = 0; node < sequence.graph.node_count; ++node) {
-    CheckRangesOf(sequence, node, drives);
-  }
+  std::vector<std::string> beyond;
+  for (int node = 0; node < sequence.graph.node_count; ++node)
+    CompareRanges(sequence, node, drives, beyond);
+  if (beyond.empty()) return;
+  throw Refused(fmt::format(
+      "{}; correct the drives' ranges or zero offsets (in a drives file, --drives), or remake the "
+      "primitive",
+      fmt::join(beyond, "; ")));
 }
 
 void CheckSchedule(const DrivesConfig& drives, const std::function<void(const std::string&)>& say) {

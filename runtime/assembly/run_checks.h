@@ -11,7 +11,7 @@
 namespace tumbler {
 
 /// Checks that the motion of every node fits the ranges of the drives, joint by joint.
-/// @throws Refused naming joint, limit and range.
+/// @throws Refused naming every joint, limit and range that do not fit.
 void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives);
 
 /// Checks that the bus has room for every tick.

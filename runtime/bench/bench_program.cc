@@ -9,6 +9,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "common/damping_bound.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "common/say_to_operator.h"
@@ -136,6 +137,7 @@ class BenchRun {
   void Scan();
   void Read();
   void JudgePlaceOf(std::size_t drive);
+  void TellDampingOf(std::size_t drive);
   bool TurnsItsJoint(std::size_t drive);
   void Identify();
   void JogOne();
@@ -329,6 +331,22 @@ void BenchRun::JudgePlaceOf(std::size_t drive) {
   judgement_.not_told.push_back(name +
                                 ": the scales of positions, velocities, torques and gains, since "
                                 "nothing moves (tumbler-bench BUS check)");
+  TellDampingOf(drive);
+}
+
+/// What it takes for the drive's damping to be stable: nothing here knows the robot's inertia.
+void BenchRun::TellDampingOf(std::size_t drive) {
+  const DriveEntry& entry = session_->entry(drive);
+  if (entry.kd_nm_s_per_rad <= 0) return;
+  const double kd = static_cast<double>(entry.kd_nm_s_per_rad);
+  judgement_.not_told.push_back(
+      fmt::format("{}: whether its kd of {:.4g} N m s/rad is stable in the drive's own loop{}",
+                  session_->NameOf(drive), kd,
+                  entry.loop_hz > 0
+                      ? fmt::format(" of {:.4g} kHz: above a least inertia of {:.2g} kg m^2 at the "
+                                    "joint, advised twice that (tumbler-run tells a motion's)",
+                                    1e-3 * entry.loop_hz, LeastDampedInertia(kd, 1 / entry.loop_hz))
+                      : ", whose rate is not known (loop_hz)"));
 }
 
 /// Whether the joint of this drive is the one that turned.
@@ -461,6 +479,7 @@ void BenchRun::Check() {
     KnownScales known;
     known.position = WayScale(joint, turned, options_.config.tolerances);
     judgement_.Add(JudgeScales(name, session_->entry(i), scales, known));
+    TellDampingOf(i);
   }
 }
 

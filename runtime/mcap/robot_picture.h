@@ -14,7 +14,8 @@ struct PictureLink {
   std::string name;
   /// Index of the link that carries it, which comes before it; -1: the root.
   int parent = -1;
-  /// Index of the joint that moves it, in the order of a run's joints; -1: none that a run knows.
+  /// Index of the joint that moves it, in the order of a run's joints, after which those without a
+  /// motor follow (`RobotPicture::passive`); -1: none that a run knows.
   int joint = -1;
   bool slides = false;             ///< Along the axis, in place of turning about it.
   std::array<double, 3> axis{};    ///< Unit vector, in the frames of both links.
@@ -25,7 +26,8 @@ struct PictureLink {
 /// A robot and its ground, for pictures. At zero, the frames of all links have the axes of the
 /// root's.
 struct RobotPicture {
-  bool fixed_root = false;  ///< Whether the root link stays at the world's origin.
+  bool fixed_root = false;           ///< Whether the root link stays at the world's origin.
+  std::vector<std::string> passive;  ///< Names of the joints without a motor.
   std::vector<PictureLink> links;
   std::vector<SceneTriangles> ground;  ///< In the world. Empty: none is known.
 };
@@ -40,7 +42,8 @@ struct PictureRoot {
 struct PlannedInstant {
   std::int64_t time_ns = 0;  ///< On the clock of the loop.
   PictureRoot root;
-  std::vector<double> joints;  ///< In the order of the run's joints [rad, m].
+  /// In the order of the run's joints, then those without a motor [rad, m].
+  std::vector<double> joints;
 };
 
 }  // namespace tumbler

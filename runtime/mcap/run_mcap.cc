@@ -116,13 +116,14 @@ void RunMcap::TakeMeasured(std::uint64_t time_ns, const state_t& state) {
   std::vector<FrameTransform> transforms;
   using Root = RunMcapConfig::Root;
   const bool at_world = config_.robot->fixed_root;
-  const std::string root = at_world || config_.root == Root::kUnknown ? "measured"
-                           : config_.root == Root::kTrue              ? "true"
-                                                                      : "planned";
+  const std::string elsewhere = config_.root == Root::kUnknown ? "measured"
+                                : config_.root == Root::kTrue  ? "true"
+                                                               : "planned";
+  const std::string root = at_world ? "measured" : elsewhere;
   if (at_world) {
     transforms.push_back({kWorld, "measured/" + config_.robot->links.front().name, {}});
   }
-  AppendLinks("measured", root, joints, transforms);
+  AppendLinks("measured", root, elsewhere, joints, transforms);
   if (transforms.empty()) return;
   file_.Write(ChannelOf("/tf", "foxglove.FrameTransforms"), time_ns,
               EncodeTransforms(time_ns, transforms));
@@ -130,16 +131,23 @@ void RunMcap::TakeMeasured(std::uint64_t time_ns, const state_t& state) {
 }
 
 void RunMcap::AppendLinks(const std::string& prefix, const std::string& root_prefix,
+                          const std::string& elsewhere,
                           const std::vector<std::optional<double>>& joints,
                           std::vector<FrameTransform>& transforms) const {
   const std::vector<PictureLink>& links = config_.robot->links;
-  for (const PictureLink& link : links) {
-    if (link.parent < 0 || link.joint < 0) continue;
+  const auto position_of = [&joints](const PictureLink& link) -> std::optional<double> {
     const auto joint = static_cast<std::size_t>(link.joint);
-    if (joint >= joints.size() || !joints[joint]) continue;
-    const std::string& parent = links[static_cast<std::size_t>(link.parent)].name;
-    transforms.push_back({(link.parent == 0 ? root_prefix : prefix) + "/" + parent,
-                          prefix + "/" + link.name, PoseOf(link, *joints[joint])});
+    return link.joint < 0 || joint >= joints.size() ? std::nullopt : joints[joint];
+  };
+  for (const PictureLink& link : links) {
+    const std::optional<double> position = position_of(link);
+    if (link.parent < 0 || !position) continue;
+    const PictureLink& parent = links[static_cast<std::size_t>(link.parent)];
+    const std::string& parent_prefix = link.parent == 0      ? root_prefix
+                                       : position_of(parent) ? prefix
+                                                             : elsewhere;
+    transforms.push_back(
+        {parent_prefix + "/" + parent.name, prefix + "/" + link.name, PoseOf(link, *position)});
   }
 }
 
@@ -148,7 +156,7 @@ void RunMcap::TakeRobot(std::uint64_t time_ns, const std::string& prefix, const 
   if (!config_.robot) return;
   std::vector<FrameTransform> transforms{{kWorld, prefix + "/" + config_.robot->links.front().name,
                                           config_.robot->fixed_root ? FramePose{} : PoseOf(root)}};
-  AppendLinks(prefix, prefix, joints, transforms);
+  AppendLinks(prefix, prefix, prefix, joints, transforms);
   file_.Write(ChannelOf("/tf", "foxglove.FrameTransforms"), time_ns,
               EncodeTransforms(time_ns, transforms));
   Draw(time_ns, prefix, color);
@@ -165,6 +173,8 @@ void RunMcap::Draw(std::uint64_t time_ns, const std::string& prefix, const Scene
         config_.root != RunMcapConfig::Root::kUnknown) {
       continue;
     }
+    // Nor where a joint without a motor is.
+    if (prefix == "measured" && link.joint >= static_cast<int>(config_.joints.size())) continue;
     for (SceneSolid& solid : entity.solids) {
       const double opacity = solid.color[3];
       solid.color = color;
@@ -194,7 +204,10 @@ void RunMcap::Take(std::uint64_t time_ns, const run_t& run) {
 void RunMcap::Take(std::uint64_t time_ns, const truth_t& truth) {
   file_.Write(ChannelOf("/truth", "tumbler.Truth"), time_ns, EncodeTruth(time_ns, truth));
   std::vector<std::optional<double>> joints;
-  for (const std::string& name : config_.joints) {
+  std::vector<std::string> names = config_.joints;
+  if (config_.robot)
+    names.insert(names.end(), config_.robot->passive.begin(), config_.robot->passive.end());
+  for (const std::string& name : names) {
     const auto joint = std::find_if(truth.joints.begin(), truth.joints.end(),
                                     [&name](const joint_truth_t& j) { return j.name == name; });
     joints.push_back(joint == truth.joints.end() ? std::nullopt

@@ -65,9 +65,11 @@ class RunMcap {
   /// Draws the robot in the frames with this prefix, once.
   void Draw(std::uint64_t time_ns, const std::string& prefix, const SceneColor& color);
   /// The frames of the links that joints move.
-  /// @param joints  of those without a position the frames are left out.
+  /// @param root_prefix  of the root.
+  /// @param elsewhere    of a link that carries another one, and has no position here.
+  /// @param joints       of those without a position the frames are left out.
   void AppendLinks(const std::string& prefix, const std::string& root_prefix,
-                   const std::vector<std::optional<double>>& joints,
+                   const std::string& elsewhere, const std::vector<std::optional<double>>& joints,
                    std::vector<FrameTransform>& transforms) const;
   void TakeRobot(std::uint64_t time_ns, const std::string& prefix, const PictureRoot& root,
                  const std::vector<std::optional<double>>& joints, const SceneColor& color);

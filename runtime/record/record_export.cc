@@ -175,7 +175,9 @@ std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
 }
 
 std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
-  const std::vector<std::string>& joints = record.configuration().joints;
+  // Joints without a motor, of which the record's configuration does not know, come after the
+  // others in every state.
+  std::vector<std::string> joints = record.configuration().joints;
   std::string rows;
   std::int64_t count = 0;
   truth_t truth;
@@ -184,6 +186,10 @@ std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
       if (!ReadMessage(bytes, truth)) {
         throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
                                       record.name()));
+      }
+      for (const joint_truth_t& joint : truth.joints) {
+        if (count == 0 && std::ranges::find(joints, joint.name) == joints.end())
+          joints.push_back(joint.name);
       }
       AppendTruthCsvRow(truth, joints, rows);
       ++count;

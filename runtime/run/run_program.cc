@@ -80,6 +80,22 @@ ExitStatus TestLatency(const RunOptions& options) {
   return ExitStatus::kDone;
 }
 
+/// Tells how slow the drives' own loops may be for their damping.
+void TellDamping(const RunOptions& options, const Simulation& simulation, const RunParts& parts) {
+  SimulatedWorldConfig config;
+  config.twin_file = options.twin;
+  try {
+    for (const std::string& note : simulation.damping_notes(
+             parts.file, parts.drives, options.simulated() ? &config : nullptr))
+      fmt::print(stderr, "{}\n", note);
+  } catch (const FileError& error) {
+    // A simulation cannot do without the robot's texts, and refuses them itself.
+    if (options.simulated()) return;
+    fmt::print(stderr, "note: whether the drives' damping is stable is not known: {}\n",
+               error.what());
+  }
+}
+
 /// Loads motion and drives, and checks whether they fit each other and the options.
 /// @param options  gets the drives file that a twin file names.
 RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read,
@@ -109,6 +125,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   });
   CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
   CheckWatchdogs(parts.drives, !options.drives_motors() || options.without_watchdog);
+  if (simulation != nullptr) TellDamping(options, *simulation, parts);
   return parts;
 }
 

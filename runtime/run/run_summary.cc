@@ -49,27 +49,8 @@ std::int64_t Older(const ReplyAgeHistogram& age) {
 
 }  // namespace
 
-std::string JudgedTarget::name() const {
-  return after_s ? target.NameAfter(*after_s) : target.name();
-}
-
-std::optional<bool> JudgedTarget::met() const {
-  if (!result) return std::nullopt;
-  return target.MetBy(*result);
-}
-
-std::optional<bool> Passage::purpose_met() const {
-  std::optional<bool> all = true;
-  for (const JudgedTarget& judged : purpose) {
-    const std::optional<bool> met = judged.met();
-    if (met == false) return false;
-    if (!met) all.reset();
-  }
-  return all;
-}
-
 std::optional<bool> Passage::as_planned() const {
-  if (!pitch_later_rad || swings_on) return std::nullopt;
+  if (!pitch_later_rad || swings_on || !free_root) return std::nullopt;
   return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad;
 }
 
@@ -81,7 +62,10 @@ bool Passage::is_to_rest() const {
   return !hinged && asks_for(PurposeTarget::Of::kPitch) && asks_for(PurposeTarget::Of::kSpeed);
 }
 
-bool Passage::amiss() const { return purpose_met() == false || as_planned() == false; }
+std::optional<bool> Passage::as_asked() const {
+  if (purpose_met() == false || as_planned() == false) return false;
+  return purpose.empty() ? as_planned() : purpose_met();
+}
 
 namespace {
 
@@ -123,7 +107,7 @@ const char* Verdict(const Passage& passage) {
   if (passage.purpose_met() == false)
     return passage.is_to_rest() ? "NOT at rest as asked" : "NOT as asked";
   if (!*passage.as_planned()) return "NOT where it should be";
-  if (!passage.purpose_met()) return "as planned";
+  if (!passage.purpose_met()) return passage.purpose.empty() ? "as planned" : "NOT JUDGED";
   return passage.is_to_rest() ? "at rest as asked" : "as planned";
 }
 
@@ -163,21 +147,29 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     const auto unjudged = count(&Passage::unjudged) + summary.left_out.unjudged;
     text += fmt::format(
         "  {} motions, {} complete cycles; {}{}\n", MotionsOf(summary), summary.cycles,
-        amiss != 0      ? fmt::format("NOT where it should be after {}{}", amiss, AmissIn(summary))
+        amiss != 0 ? fmt::format("NOT where it should be after {}{}", amiss, AmissIn(summary))
+        : unjudged == MotionsOf(summary) ? "NOT JUDGED"
         : Fell(summary) ? "the robot where it should be when each was judged, but it FELL"
                         : "the robot where it should be after each",
-        unjudged == 0 ? "" : fmt::format(" but {}, which the run's end left unjudged", unjudged));
+        unjudged == 0 || unjudged == MotionsOf(summary)
+            ? ""
+            : fmt::format(" but {}, NOT JUDGED", unjudged));
   }
   const Passage& last = summary.passages.back();
-  if (!last.free_root) return;
   if (!summary.broken_off.empty()) {
     text += fmt::format("  before, {}: ", last.node);
   } else {
     text += summary.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : "  ";
   }
-  if (last.swings_on) {
+  if (!last.free_root) {
+    text += fmt::format("root fixed: {}", !last.as_asked()   ? "NOT JUDGED"
+                                          : *last.as_asked() ? "as asked"
+                                                             : "NOT as asked");
+  } else if (last.swings_on) {
     text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
-    if (last.purpose_met()) text += *last.purpose_met() ? ", as asked" : ", NOT as asked";
+    text += !last.purpose_met()   ? ", NOT JUDGED"
+            : *last.purpose_met() ? ", as asked"
+                                  : ", NOT as asked";
     if (last.pitch_later_rad) {
       text += fmt::format("; {:.4f} rad {:.2g} s later, swinging on", *last.pitch_later_rad,
                           last.later_s);
@@ -196,15 +188,10 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     text += "ended before it could come to rest";
   }
   text += '\n';
-  for (const JudgedTarget& judged : last.purpose) {
-    text += fmt::format("    {}: ", judged.name());
-    if (judged.result) {
-      text += fmt::format("{}{}\n", judged.target.AskedAndGot(*judged.result),
-                          *judged.met() ? "" : ": MISSED");
-    } else {
-      text += "not judged, the run ended before\n";
-    }
-  }
+  if (last.purpose.empty() && (last.swings_on || !last.free_root))
+    text += "    its task asks for nothing that a run could meet or miss\n";
+  for (const JudgedTarget& judged : last.purpose)
+    text += fmt::format("    {}: {}\n", judged.name(), judged.Verdict());
 }
 
 }  // namespace
@@ -216,25 +203,15 @@ Json Maybe(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
-/// Null also where the passage has no target that could be met.
-Json PurposeMet(const Passage& passage) {
-  return passage.purpose.empty() ? Json() : Maybe(passage.purpose_met());
-}
-
 Json JsonOf(const Passage& passage) {
   auto purpose = Json::Array();
   for (const JudgedTarget& judged : passage.purpose) {
-    purpose.Append({{"of", judged.target.name()},
-                    {"unit", judged.target.unit()},
-                    {"target", judged.target.target},
-                    {"result", Maybe(judged.result)},
-                    {"after_s", Maybe(judged.after_s)},
-                    {"tolerance", judged.target.tolerance},
-                    {"met", Maybe(judged.met())}});
+    purpose.Append(ToJson(judged));
   }
   Json json = {{"node", passage.node},
                {"purpose", purpose},
-               {"purpose_met", PurposeMet(passage)},
+               {"purpose_met", Maybe(passage.purpose_met())},
+               {"as_asked", Maybe(passage.as_asked())},
                {"as_planned_later", Maybe(passage.as_planned())},
                {"later_s", passage.pitch_later_rad ? Json(passage.later_s) : Json()}};
   if (SpeaksOfPitch(passage)) {
@@ -432,7 +409,8 @@ std::string ToJson(const RunSummary& summary) {
     // Nothing is known of a last motion that was broken off, or never began.
     const bool ended = !summary.passages.empty() && summary.broken_off.empty();
     const Passage last = ended ? summary.passages.back() : Passage();
-    json["purpose_met"] = PurposeMet(last);
+    json["as_asked"] = Maybe(AsAsked(summary));
+    json["purpose_met"] = Maybe(last.purpose_met());
     json["as_planned_2_s_later"] = Maybe(last.as_planned());
     if (SpeaksOfPitch(last)) {
       json["root_pitch_planned_rad"] = last.expected_pitch_rad;
@@ -491,13 +469,34 @@ std::string ToJson(const RunSummary& summary) {
   return json.Dump(2) + '\n';
 }
 
+std::optional<bool> AsAsked(const RunSummary& summary) {
+  const auto any = [&summary](bool (Passage::*is)() const) {
+    return std::any_of(summary.passages.begin(), summary.passages.end(), std::mem_fn(is));
+  };
+  if (summary.outcome != RunOutcome::kCompleted || Fell(summary) || !summary.overlaps.empty() ||
+      any(&Passage::amiss)) {
+    return false;
+  }
+  // One that was not judged is left out only where others like it are kept.
+  if (summary.passages.empty() || any(&Passage::unjudged)) return std::nullopt;
+  return true;
+}
+
+namespace {
+
+/// Whether the robot was not as asked, or something was asked of it that nobody judged.
+bool NotFoundAsAsked(const Passage& passage) {
+  return passage.amiss() || (passage.unjudged() && !passage.purpose.empty());
+}
+
+}  // namespace
+
 ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
       return Fell(summary) || !summary.overlaps.empty() || !summary.unwritten.empty() ||
                      !summary.record_problem.empty() ||
-                     std::any_of(summary.passages.begin(), summary.passages.end(),
-                                 std::mem_fn(&Passage::amiss))
+                     std::any_of(summary.passages.begin(), summary.passages.end(), NotFoundAsAsked)
                  ? ExitStatus::kAmiss
                  : ExitStatus::kDone;
     case RunOutcome::kRefused:

@@ -13,16 +13,6 @@
 
 namespace tumbler {
 
-/// A target of a motion's purpose, and what the simulated robot gives.
-struct JudgedTarget {
-  PurposeTarget target;
-  std::optional<double> result;        ///< Absent when the run ended before its instant.
-  std::optional<double> after_s = {};  ///< How long after the end of the motion that was.
-  /// As the target's, with the time at which it was judged: "pitch, 4 s later".
-  [[nodiscard]] std::string name() const;
-  [[nodiscard]] std::optional<bool> met() const;
-};
-
 /// The simulated robot in and after a node of the sequence. "Later" is two seconds after the end of
 /// the motion, or when the next node began, or when the motion had settled, if that was later.
 struct Passage {
@@ -46,19 +36,20 @@ struct Passage {
   /// How far the pitch may be off the plan later; the sequence may allow more.
   double tolerance_rad = 0.05;
 
-  /// Whether every target was met; absent when the run ended before one could be judged and none
-  /// was missed.
-  [[nodiscard]] std::optional<bool> purpose_met() const;
-  /// Whether the pitch later was that of the plan; absent when the run ended before, and of
-  /// a root that swings on.
+  /// Whether every target was met; absent where one was not judged and none was missed, and where
+  /// there is none.
+  [[nodiscard]] std::optional<bool> purpose_met() const { return AllMet(purpose); }
+  /// Whether the pitch later was that of the plan; absent when the run ended before, and of a root
+  /// that swings on or is fixed.
   [[nodiscard]] std::optional<bool> as_planned() const;
   /// Whether the motion is to end at rest with a pitch that its task asks for: standing, or lying
   /// on a side, which is not told apart here.
   [[nodiscard]] bool is_to_rest() const;
-  /// Whether a target was missed, or the plan.
-  [[nodiscard]] bool amiss() const;
-  /// Whether the run ended before all was seen that would say whether the robot is as asked.
-  [[nodiscard]] bool unjudged() const { return !amiss() && !purpose_met(); }
+  /// Whether the robot did what the motion is for, or as planned where it is for nothing; absent
+  /// where that was not judged. A robot whose pitch is not the planned one is never as asked.
+  [[nodiscard]] std::optional<bool> as_asked() const;
+  [[nodiscard]] bool amiss() const { return as_asked() == false; }
+  [[nodiscard]] bool unjudged() const { return !as_asked(); }
 };
 
 /// The passages that a long run has left out, so that its memory does not grow with it.
@@ -122,6 +113,10 @@ struct RunSummary {
   std::vector<std::string> unwritten;  ///< Why files are not whole, e.g. `run.log: ...`.
 };
 
+/// Whether a simulated robot did what all motions of a completed run are for, and did not fall;
+/// absent where one of them was not judged, or where there was none.
+[[nodiscard]] std::optional<bool> AsAsked(const RunSummary& summary);
+
 /// e.g. `completed`; a string literal.
 [[nodiscard]] const char* ToString(RunOutcome outcome) noexcept;
 
@@ -139,7 +134,7 @@ std::string ToText(const RunSummary& summary);
 std::string ToJson(const RunSummary& summary);
 /// The exit status of tumbler-run. It is kAmiss when the motion was completed, but the robot fell
 /// and got up, or the simulated robot fell, missed what the motion is for, or is not where the
-/// primitive says, or a file of the run is not whole.
+/// primitive says, or the run ended before that could be judged, or a file of the run is not whole.
 ExitStatus StatusOf(const RunSummary& summary);
 
 }  // namespace tumbler

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -38,6 +39,11 @@ struct Simulation {
   std::function<std::unique_ptr<World>(const SequenceFile& motion, const DrivesConfig& drives,
                                        const SimulatedWorldConfig& config)>
       make_world;
+  /// Returns what is to be said about the drives' damping and their loops, of robots and, with a
+  /// configuration, of the simulated one. Throws FileError.
+  std::function<std::vector<std::string>(const SequenceFile& motion, const DrivesConfig& drives,
+                                         const SimulatedWorldConfig* config)>
+      damping_notes;
 };
 
 }  // namespace tumbler

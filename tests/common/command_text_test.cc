@@ -61,6 +61,20 @@ TEST(CommandText, HelpIsAHundredCharactersWideWhereWordsCanBeSplit) {
   EXPECT_GT(widest, 90);
 }
 
+TEST(CommandText, EndsOfLinesInAParagraphOfTheSourceAreNotThoseOfTheHelp) {
+  CommandDescription player = Player();
+  const std::string wide(59, 'w');
+  player.footer = "One paragraph " + wide + " " + wide +
+                  "\nof two lines.\n\nStatuses:\n  0    done\n" + "  12   " + wide + " and " +
+                  wide + "\n       goes on\nA paragraph\nof two lines.\n";
+  EXPECT_THAT(HelpText(player),
+              HasSubstr("\n\nOne paragraph " + wide + "\n" + wide + " of two lines.\n\n" +
+                        "Statuses:\n  0    done\n  12   " + wide + " and\n       " + wide +
+                        " goes on\nA paragraph of two lines.\n"));
+  EXPECT_THAT(ManPage(player, "1"), HasSubstr(".TP\n12\n" + wide + " and " + wide +
+                                              " goes on\n.PP\n" + "A paragraph of two lines.\n"));
+}
+
 TEST(CommandText, ManualPageHasNoLineThatTroffTakesForARequestOrAnEscape) {
   const std::string page = ManPage(Player(), "1.2.3");
   EXPECT_THAT(page, HasSubstr(".TH TUMBLER\\-PLAY 1 \"\" \"Tumbler 1.2.3\""));

@@ -604,7 +604,7 @@ TEST(PrimitiveToml, AChangeByHandTakesTheFiguresOfRobotsAway) {
 TEST(PrimitiveToml, SigningTakesNothingThatTheLoaderRefusesForAnotherReason) {
   const std::string original = ToToml(Example());
   EXPECT_THROW(SignEdited(original, "p.toml", "nothing"), FileError) << "nothing was changed";
-  EXPECT_THROW(SignEdited(Mutate(original, "0.3125,", "1.3125,"), "p.toml", "beyond a limit"),
+  EXPECT_THROW(SignEdited(Mutate(original, "0.3125,", "2.3125,"), "p.toml", "beyond a limit"),
                FileError);
   EXPECT_THROW(SignEdited(Mutate(original, "degree = 5", "degree = 5\nx = 1"), "p.toml", "a key"),
                FileError);
@@ -614,12 +614,41 @@ TEST(PrimitiveToml, SigningTakesNothingThatTheLoaderRefusesForAnotherReason) {
                std::invalid_argument);
 }
 
-TEST(PrimitiveToml, MarginsAreDistancesOfTheControlPolygonToTheLimits) {
-  const LimitMargins margins = MarginsOf(Example().primitive);
-  EXPECT_DOUBLE_EQ(margins.position_rad, 1.0 - 0.3125);
-  EXPECT_DOUBLE_EQ(margins.torque_nm, 0.5);
-  // The fastest control point is of the first joint: (0.3125 - 0.125) * 5 / (1.25 - 0).
-  EXPECT_NEAR(margins.velocity_rad_s, 10.0 - 5 * 0.1875 / 1.25, 1e-12);
+TEST(PrimitiveToml, MarginsAreDistancesOfThePathsToTheLimits) {
+  const Primitive<double> primitive = Example().primitive;
+  const LimitMargins margins = MarginsOf(primitive);
+  LimitMargins sampled{1e9, 1e9, 1e9, 1e9};
+  for (const auto& motion : primitive.motions()) {
+    const JointLimits<double>& limits = motion.limits;
+    for (int i = 0; i <= 10000; ++i) {
+      const double t = primitive.duration_s * i / 10000;
+      const auto sample = motion.position.Evaluate(t);
+      const auto take = [](double& margin, double now) { margin = std::min(margin, now); };
+      take(sampled.position_rad, limits.position_max_rad - sample.value);
+      take(sampled.position_rad, sample.value - limits.position_min_rad);
+      take(sampled.velocity_rad_s, limits.velocity_max_rad_s - std::abs(sample.first));
+      take(sampled.acceleration_rad_s2, limits.acceleration_max_rad_s2 - std::abs(sample.second));
+      take(sampled.torque_nm, limits.torque_max_nm - std::abs(motion.torque.Evaluate(t).value));
+    }
+  }
+  EXPECT_NEAR(margins.position_rad, sampled.position_rad, 1e-6);
+  EXPECT_NEAR(margins.velocity_rad_s, sampled.velocity_rad_s, 1e-6);
+  EXPECT_NEAR(margins.acceleration_rad_s2, sampled.acceleration_rad_s2, 1e-3);
+  EXPECT_NEAR(margins.torque_nm, sampled.torque_nm, 1e-6);
+}
+
+TEST(PrimitiveToml, AMarginOfControlPointsAsEarlierVersionsWroteItIsTaken) {
+  PrimitiveFile file = Example();
+  const LimitMargins least = HullMarginsOf(file.primitive);
+  ASSERT_LT(least.velocity_rad_s, MarginsOf(file.primitive).velocity_rad_s - 1e-3);
+  file.certificate.position_margin_rad = least.position_rad;
+  file.certificate.velocity_margin_rad_s = least.velocity_rad_s;
+  file.certificate.acceleration_margin_rad_s2 = least.acceleration_rad_s2;
+  EXPECT_NO_THROW(ParsePrimitive(ToToml(file), "p.toml"));
+  file.certificate.velocity_margin_rad_s = least.velocity_rad_s - 1e-3;
+  EXPECT_THROW(ToToml(file), std::invalid_argument);  // The writer reads what it writes.
+  file.certificate.velocity_margin_rad_s = MarginsOf(file.primitive).velocity_rad_s + 1e-3;
+  EXPECT_THROW(ToToml(file), std::invalid_argument);
 }
 
 // ---- Refusals -----------------------------------------------------------------------------------
@@ -786,28 +815,28 @@ INSTANTIATE_TEST_SUITE_P(
                 {"joint[1].position.knots_s: knot 5, 0.625, occurs too often", "1 times"}},
         Refusal{"PositionAboveLimit",
                 "position_max_rad = 1.0",
-                "position_max_rad = 0.3",
-                {"joint[0].position.coefficients_rad: joint 'left': control point 3 of position is "
-                 "0.3125 rad; allowed: <= 0.3 rad"}},
+                "position_max_rad = 0.25",
+                {"joint[0].position.coefficients_rad: joint 'left': position is 0.259443",
+                 " rad at ", " s; allowed: <= 0.25 rad"}},
         Refusal{"PositionBelowLimit",
                 "position_min_rad = -1.0",
                 "position_min_rad = 0.2",
-                {"joint 'left': control point 0 of position is 0.125 rad; allowed: >= 0.2 rad"}},
+                {"joint 'left': position is 0.125 rad at 0 s; allowed: >= 0.2 rad"}},
         Refusal{"VelocityAboveLimit",
                 "velocity_max_rad_s = 10.0",
-                "velocity_max_rad_s = 0.5",
-                {"joint 'left': control point",
-                 "of velocity is 0.75 rad/s; allowed: <= 0.5 rad/s (limits.velocity_max_rad_s)"}},
-        Refusal{"AccelerationAboveLimit",
-                "acceleration_max_rad_s2 = 100.0",
-                "acceleration_max_rad_s2 = 1.0",
-                {"joint 'left': control point", "of acceleration is", "rad/s^2",
-                 "limits.acceleration_max_rad_s2"}},
+                "velocity_max_rad_s = 0.2",
+                {"joint 'left': velocity is 0.353091", " rad/s at ",
+                 " s; allowed: <= 0.2 rad/s (limits.velocity_max_rad_s)"}},
+        Refusal{
+            "AccelerationAboveLimit",
+            "acceleration_max_rad_s2 = 100.0",
+            "acceleration_max_rad_s2 = 1.0",
+            {"joint 'left': acceleration is ", "rad/s^2 at ", "limits.acceleration_max_rad_s2"}},
         Refusal{"TorqueAboveLimit",
                 "torque_max_nm = 2.0",
                 "torque_max_nm = 1.0",
-                {"joint[0].torque.coefficients_nm: joint 'left': control point 1 of feed-forward "
-                 "torque is 1.5 N m; allowed: <= 1 N m"}},
+                {"joint[0].torque.coefficients_nm: joint 'left': feed-forward torque is 1.5 N m at "
+                 "0.625 s; allowed: <= 1 N m"}},
         Refusal{"TorqueEndsEarly",
                 "0.0, 0.0, 0.625, 1.25,\n  1.25",
                 "0.0, 0.0, 0.625, 1.0,\n  1.0",
@@ -879,10 +908,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "content_hash = \"fnv1a64:0",
                 {"content_hash: is 'fnv1a64:0"}},
         Refusal{"PositionMarginClaimed",
-                "position_margin_rad = 0.6875",
                 "position_margin_rad = 0.7",
-                {"certificate.position_margin_rad: is 0.7, but the coefficients leave a margin of "
-                 "0.6875"}},
+                "position_margin_rad = 0.8",
+                {"certificate.position_margin_rad: is 0.84",
+                 "but the coefficients leave a margin of 0.74"}},
         Refusal{"VelocityMarginClaimed",
                 "velocity_margin_rad_s = ",
                 "velocity_margin_rad_s = 1",
@@ -928,15 +957,17 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(PrimitiveToml, SaysMoreDigitsWhenALimitIsMissedByOneBit) {
   PrimitiveFile file = Example();
-  file.primitive.joints[0].limits.position_max_rad = 0.3125;
+  file.primitive.joints[0].limits.position_min_rad = 0.125;  // where it starts
   CompleteExample(file);
   EXPECT_NO_THROW(ToToml(file));
-  const std::string text = Mutate(ToToml(file), "0.3125,", "0.31250000000000006,");
+  const std::string text =
+      Mutate(ToToml(file), "  0.125, 0.125, 0.125,", "  0.12499999999999999, 0.125, 0.125,");
   try {
     ParsePrimitive(text, "p.toml");
     FAIL();
   } catch (const FileError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("is 0.31250000000000006 rad; allowed: <= 0.3125 rad"));
+    EXPECT_THAT(error.what(),
+                HasSubstr("is 0.12499999999999999 rad at 0 s; allowed: >= 0.125 rad"));
   }
 }
 
@@ -1044,8 +1075,8 @@ TEST(PrimitiveToRuntime, ResultHoldsItsOwnLimitsAndWidensThemByRoundingOnly) {
     motion.torque = MakeSpline(0, {}, 1.2, {0.1});
     // Every limit is active, as in an optimum.
     const auto magnitude = [&motion](int d) {
-      const auto bounds = motion.position.Bounds(d);
-      return std::max(std::abs(bounds.min), std::abs(bounds.max));
+      const Extent extent = ExtentOf(motion.position, d);
+      return std::max(std::abs(extent.min), std::abs(extent.max));
     };
     const auto position = motion.position.Bounds(0);
     motion.limits = {position.min, position.max, magnitude(1), magnitude(2), 0.1};
@@ -1059,9 +1090,11 @@ TEST(PrimitiveToRuntime, ResultHoldsItsOwnLimitsAndWidensThemByRoundingOnly) {
     EXPECT_LE(rounded.torque.Bounds(0).max, limits.torque_max_nm);
     const std::array<float, 2> limit = {limits.velocity_max_rad_s, limits.acceleration_max_rad_s2};
     for (int d = 1; d <= 2; ++d) {
-      const auto bounds = rounded.position.Bounds(d);
       const float now = limit[static_cast<std::size_t>(d - 1)];
-      EXPECT_LE(std::max(-bounds.min, bounds.max), now);
+      for (int i = 0; i <= 2000; ++i) {
+        const auto sample = rounded.position.Evaluate(1.2F * static_cast<float>(i) / 2000.0F);
+        EXPECT_LE(std::abs(d == 1 ? sample.first : sample.second), now);
+      }
       EXPECT_LE(now, magnitude(d) * (1 + 1e-5));
       EXPECT_GE(now, static_cast<float>(magnitude(d)));
       if (now > static_cast<float>(magnitude(d))) ++widened;

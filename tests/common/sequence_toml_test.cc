@@ -2,6 +2,7 @@
 // wrong file.
 
 #include "common/sequence_toml.h"
+#include "common/spline_extent.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-more-matchers.h>
@@ -245,16 +246,16 @@ TEST(SequenceToml, AJointKeepsItsOwnLimitsOnTheOthersPath) {
   // The slower joint of "down" may not move as fast as the other joint does.
   auto& joints = primitives[1].primitive.joints;
   const auto fastest = [&joints](std::size_t j) {
-    const Interval<double> bounds = joints[j].position.Bounds(1);
-    return std::max(-bounds.min, bounds.max);
+    const Extent velocity = ExtentOf(joints[j].position, 1);
+    return std::max(-velocity.min, velocity.max);
   };
   const std::size_t slow = fastest(0) < fastest(1) ? 0 : 1;
   joints[slow].limits.velocity_max_rad_s = 0.5 * (fastest(0) + fastest(1));
   const std::string name(joints[slow].name.view()), other(joints[1 - slow].name.view());
   EXPECT_THAT(Refusal(GaitText(), primitives),
               AllOf(HasSubstr("node[3]: primitive 'down', joint '" + name + "' on the path of '" +
-                              other + "': control point"),
-                    HasSubstr("of velocity (knots"), HasSubstr("too much")));
+                              other + "': velocity is"),
+                    HasSubstr(" rad/s at "), HasSubstr("too much")));
 }
 
 TEST(SequenceToml, ComparesEveryQuantityAtEveryEdge) {

@@ -63,6 +63,31 @@ TEST(TomlReader, DefaultsStandInForAbsentKeysOnly) {
       << "a value that is there is never passed over";
 }
 
+TEST(TomlReader, AMissingKeyNamesTheOneThatWasMisspelt) {
+  const auto refusal = [](const std::string& text) {
+    return Refusal(text, [](TomlTable& t) {
+      t.Expect("duration_max_s");
+      t.Number("settle_s", Range::Any(), 0.0);
+      t.Number("duration_s", Range::Positive());
+    });
+  };
+  EXPECT_EQ(refusal("settle_s = 1\nduraton_s = 1\n"),
+            "file.toml:1: duration_s: is missing and has no default; did you mean it by "
+            "'duraton_s' in line 2? allowed: > 0");
+  EXPECT_THAT(refusal("duration = 1\n"), HasSubstr("did you mean it by 'duration' in line 1?"))
+      << "its unit was left out";
+  EXPECT_THAT(refusal("\n[duration_s_]\n"), HasSubstr("'duration_s_' in line 2?"));
+  // What is another key, or something else, is no slip.
+  for (const char* other : {"settle_s = 1", "duration_max_s = 1", "speed = 1"})
+    EXPECT_THAT(refusal(other), HasSubstr("has no default; allowed: > 0")) << other;
+}
+
+TEST(TomlReader, AMissingTableIsShownAsItIsWritten) {
+  EXPECT_THAT(Refusal("", [](TomlTable& t) { t.Table("start"); }), HasSubstr("a table, [start]"));
+  EXPECT_THAT(Refusal("[a]", [](TomlTable& t) { t.Table("a").Tables("b"); }),
+              HasSubstr("tables, each begun by [[a.b]]"));
+}
+
 TEST(TomlReader, RangesHoldAtTheirEnds) {
   const auto taken = [](const std::string& value, Range range) {
     return Refusal("a = " + value, [&](TomlTable& t) { t.Number("a", range); }).empty();

@@ -355,8 +355,8 @@ void FlightJudge::NeedFault(Fault fault, const char* why, Invariant invariant) {
   // A fault that came before in this tick may have changed the state.
   const FaultTable& table = setting_.executor.reactions;
   if (table(fault, tick_.before) == Reaction::kIgnore) return;
-  if (now_->faults != last_.faults && table(fault, ExecutorState::kFault) == Reaction::kIgnore)
-    return;
+  const bool may_have_changed = now_->faults != last_.faults || went_home_;
+  if (may_have_changed && table(fault, ExecutorState::kFault) == Reaction::kIgnore) return;
   Fail(invariant, "{} is not found: {}", ToString(fault), why);
 }
 

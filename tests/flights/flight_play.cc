@@ -358,7 +358,11 @@ class World {
     if (operator_.wants_repair() && setting_.repairs) Repair();
     input.command = command_ != OperatorCommand::kNone ? command_ : asked;
     input.branch = branch_;
-    tick.disarms = disarms_ && command_ == OperatorCommand::kNone;
+    // A procedure that waits or is over does not know of what was armed past it.
+    armed_past_procedure_ =
+        command_ == OperatorCommand::kArm ||
+        (armed_past_procedure_ && executor_.state() != ExecutorState::kDisarmed);
+    tick.disarms = disarms_ && command_ == OperatorCommand::kNone && !armed_past_procedure_;
     disarms_ = false;
     command_ = OperatorCommand::kNone;
     tick.before = executor_.state();
@@ -384,6 +388,8 @@ class World {
     tick.gap_ns = now_ns_ - begun_ns_;
     tick.paused = paused_;
     tick.moved = tick_ < moved_until_;
+    // A drive that was enabled before somebody moved its joint resists him, and may not be heard.
+    if (tick.moved && tick.after == ExecutorState::kArming) moved_until_ = tick_ + 50;
     tick.spoilt = tick_ < spoilt_until_;
     paused_ = false;
     return judge_.Take(tick);
@@ -415,6 +421,7 @@ class World {
   std::int32_t spoilt_until_ = 0, moved_until_ = 0;
   bool paused_ = false, disarms_ = false;
   bool held_ = true;
+  bool armed_past_procedure_ = false;
   std::int32_t stutter_ = -1;
   OperatorCommand command_ = OperatorCommand::kNone;
   std::int8_t branch_ = -1;

@@ -264,5 +264,54 @@ TEST(Flights, ACommandThatIsRefusedMayMeetAFaultThatWasLatchedBeforeGoingHome) {
   EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
 }
 
+TEST(Flights, ADisarmMayNotReachWhatWasArmedPastTheProcedure) {
+  const FlightOutcome outcome = PlayFlight(
+      ParseFlight("flight seed=15704 ticks=5817 without=feedback without=aborts without=collapse "
+                  "without=get-ups without=speed without=last-known without=spikes\n"
+                  "2967 send 5 0 1 0\n"
+                  "3240 lose-replies 0 0 139 0\n"
+                  "3321 drive-error 4 0 0 0\n"
+                  "3348 pause 5 0 20 0\n"
+                  "3614 link 5 0 1 0\n"
+                  "4034 controller 2 0 1 0\n"
+                  "4477 controller 3 0 1 0\n"
+                  "4705 lose-replies 5 0 5 0\n"
+                  "5641 pause 3 0 141 0\n"
+                  "5757 command 1 2 0 0\n"
+                  "5816 request 3 0 0 0\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
+TEST(Flights, AfterGoingHomeAFaultThatIsLatchedMayHideOneThatCountsForLessInFault) {
+  const FlightOutcome outcome = PlayFlight(
+      ParseFlight("flight seed=29088 ticks=340 without=feedback without=aborts without=get-ups "
+                  "without=gravity without=speed without=last-known without=spikes\n"
+                  "208 pause 0 0 1 0\n"
+                  "339 pause 5 0 48 0\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
+TEST(Flights, ABusOffInALateTickAfterGoingHomeIsNoExceptionToThat) {
+  const FlightOutcome outcome =
+      PlayFlight(ParseFlight("flight seed=47763 ticks=1823 without=sensor without=feedback "
+                             "without=aborts without=collapse without=procedure without=get-ups "
+                             "without=gravity without=speed without=last-known without=spikes\n"
+                             "960 stutter 0 0 0 0\n"
+                             "1822 bus-fault 6 1 1 0\n"
+                             "1822 stutter 0 0 0 0\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
+TEST(Flights, ADriveMayResistSomebodyWhoMovesItsJointWhileArming) {
+  const FlightOutcome outcome =
+      PlayFlight(ParseFlight("flight seed=42194 ticks=2179 without=sensor without=feedback "
+                             "without=aborts without=reactions without=collapse without=get-ups "
+                             "without=gravity without=speed without=last-known without=spikes\n"
+                             "0 pause 0 0 53 0\n"
+                             "2089 lose-heartbeat 7 0 110 0\n"
+                             "2127 displace 1 0 1 -0.39042205619354275\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
 }  // namespace
 }  // namespace tumbler

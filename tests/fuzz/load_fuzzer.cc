@@ -17,6 +17,7 @@
 #include "offline/model/contact_shapes.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
+#include "offline/model/robot_review.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/bad_inputs.h"
 
@@ -101,6 +102,9 @@ void LoadInSpace(const std::string& text) {
   ReadOrRefuse([&] {
     const Robot robot = ParseRobot(text, "robot.urdf", RootKind::kFloating);
     SpatialContactShapes(robot);
+    // Whatever a robot lacks, what stands in the way of a task can be said.
+    const RobotReview review = ReviewRobot(text, "robot.urdf", RootKind::kPlanarXz);
+    TUMBLER_REQUIRE(review.robot.has_value());
     for (const Dof<Spatial>& dof : robot.tree.dofs) {
       TUMBLER_REQUIRE(std::isfinite(dof.mass_kg));
       for (int i = 0; i < 3; ++i) TUMBLER_REQUIRE(dof.inertia_kg_m2.col(i).allFinite());

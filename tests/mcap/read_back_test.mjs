@@ -360,6 +360,30 @@ function planFromTruth(read) {
   return worst;
 }
 
+test("Joints without a motor have a truth, frames, and carry what is measured", async () => {
+  runWell("tumbler-optimize", source("tests/data/tasks/whip.toml"), "--quiet", "--out", at("whip.toml"));
+  runWell("tumbler-run", "sim", at("whip.toml"), "--record", at("whip.rec"));
+  runWell("tumbler-record", at("whip.rec"), "--mcap", at("whip.mcap"), "--truth-csv", at("whip.csv"));
+  const read = await readMcap(at("whip.mcap"));
+  const rows = readCsv(at("whip.csv"));
+  let most = 0;
+  for (const share of [0.3, 0.5, 0.7, 0.9]) {
+    const row = rows[Math.round(share * rows.length)];
+    const time = nanoseconds(row.time_s);
+    const frames = transformsAt(read, time);
+    assert.ok(apart(pitchOf(frames["true/upper"].rotation), Number(row.pin_position_rad)) < 1e-9, row.time_s);
+    assert.equal(frames["true/lower"].parent_frame_id, "true/upper");
+    assert.equal(frames["measured/lower"].parent_frame_id, "true/upper", "no drive measures where it is");
+    assert.equal(frames["measured/upper"], undefined);
+    assert.ok("planned/upper" in frames);
+    const { message } = read.topics["/truth"].find((truth) => truth.time === time);
+    assert.deepEqual(message.joints.map((joint) => joint.name), ["elbow", "pin"]);
+    assert.equal(message.joints[1].velocity_rad_s, Number(row.pin_velocity_rad_s));
+    most = Math.max(most, Math.abs(Number(row.pin_position_rad)));
+  }
+  assert.ok(most > 0.1, `it swings by ${most} rad`);
+});
+
 test("The plan is about where the simulated robot goes, also of a robot whose root has no shape", async () => {
   const motion = fs.readFileSync(source("primitives/nominal/handstand.toml"), "utf8");
   const [middle] = motion.match(/<link name="middle">[^]*?<\/link>/);

@@ -180,8 +180,7 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
               }),
               0.25, 1e-12)
       << "position";
-  // With a limit of half the largest value, the excess is 1 times the limit. The largest value of
-  // the control points is at least that of the motion.
+  // With a limit of half the largest value, the excess is 1 times the limit.
   double velocity = 0, acceleration = 0, torque = 0;
   for (double t = 0; t <= s.task.problem.duration_s; t += 1e-3) {
     const auto sample = s.file.primitive.joints[0].position.Evaluate(t);

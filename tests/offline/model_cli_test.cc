@@ -221,13 +221,93 @@ TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
   EXPECT_THAT(run.out, HasSubstr("tumbler-optimize takes it"));
   EXPECT_THAT(run.out, ::testing::Not(HasSubstr("passes through the ground")));
   const std::string bare = testing::ReplacedAll(ShippedRobot(), "collision>", "visual>");
-  EXPECT_THAT(ModelRunner(bare)("check", "").out,
-              HasSubstr("note: no collision shape, so passes through the ground: middle, "
-                        "leg1_link, leg2_link\n"));
+  const std::string shapeless = ModelRunner(bare)("check", "").out;
+  EXPECT_THAT(shapeless, HasSubstr("can be planned: only where it touches nothing"));
+  EXPECT_THAT(shapeless, ::testing::Not(HasSubstr("tumbler-optimize takes it")));
+  const std::string half = Replaced(bare, "<visual>", "<collision>");
+  EXPECT_THAT(ModelRunner(Replaced(half, "</visual>", "</collision>"))("check", "").out,
+              HasSubstr("note: no collision shape, so passes through the ground: leg1_link, "
+                        "leg2_link\n"));
   const ModelOutcome floating = ModelRunner(text)("check", "--root floating");
   EXPECT_EQ(floating.status, 0);
   EXPECT_THAT(floating.out, HasSubstr("degrees of freedom: 8"));
-  EXPECT_THAT(floating.out, HasSubstr("tumbler-optimize does not take it"));
+  EXPECT_THAT(floating.out, HasSubstr("can be planned: no, a task's root is"));
+}
+
+/// A robot of links in a row, with these joints between them.
+std::string Row(const std::vector<std::string>& joints) {
+  std::string text = "<robot name='row'>\n";
+  for (std::size_t i = 0; i <= joints.size(); ++i) {
+    text += fmt::format(
+        "<link name='l{}'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+        "iyz='0' izz='1'/></inertial><collision><geometry><sphere radius='0.1'/></geometry>"
+        "</collision></link>\n",
+        i);
+  }
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    text += fmt::format(
+        "<joint name='j{0}' type='revolute'><parent link='l{0}'/><child link='l{1}'/>{2}</joint>\n",
+        i, i + 1, joints[i]);
+  }
+  return text + "</robot>\n";
+}
+const std::string kInPlane =
+    "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='3' velocity='4'/>";
+const std::string kAcross =
+    "<axis xyz='1 0 0'/><limit lower='0.2' upper='1' effort='3' velocity='4'/>";
+
+TEST(ModelCheck, ListsEverythingAtOnceAndTheJointsThatATaskHasToLock) {
+  const ModelOutcome run = ModelRunner(
+      Row({kInPlane, "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='0' velocity='0'/>",
+           "<axis xyz='0 1 0'/>", kAcross}))("check", "");
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("can be looked at: yes\ncan be planned: not yet; in the way:\n"));
+  EXPECT_THAT(run.out,
+              HasSubstr("    robot.urdf:8: joint 'j1': limit velocity = 0; allowed: > 0\n"));
+  EXPECT_THAT(run.out, HasSubstr("    robot.urdf:8: joint 'j1': limit effort = 0; allowed: > 0\n"));
+  EXPECT_THAT(run.out, HasSubstr("    robot.urdf:9: joint 'j2': lacks <limit>\n"));
+  EXPECT_THAT(run.out,
+              HasSubstr("    robot.urdf:10: joint 'j3': its axis in the robot's frame is (1, 0, "));
+  EXPECT_THAT(run.out, HasSubstr("    locked = { j3 = 0.2 }\n"));
+  EXPECT_THAT(run.out, HasSubstr("joints left with these locked: j0, j1, j2\n"));
+  EXPECT_THAT(run.out, HasSubstr("it still needs another file:\n"));
+  EXPECT_THAT(run.out, ::testing::Not(HasSubstr("locked: yes")));
+}
+
+TEST(ModelCheck, SaysWithWhichJointsLockedATaskTakesTheRobotAndTakesThemItself) {
+  const ModelRunner run(Row({kInPlane, kAcross}));
+  EXPECT_THAT(run("check", "").out, HasSubstr("can be planned with these joints locked: yes\n"));
+  const ModelOutcome locked = run("check", "--locked j1=0.5");
+  EXPECT_THAT(locked.out, HasSubstr("locked at 0.5\n"));
+  EXPECT_THAT(locked.out, HasSubstr("can be planned: yes, tumbler-optimize takes it\n"));
+  const std::string bare = testing::ReplacedAll(Row({kInPlane, kAcross}), "collision>", "visual>");
+  EXPECT_THAT(ModelRunner(bare)("check", "").out,
+              HasSubstr("can be planned with these joints locked: only where it touches nothing"));
+  EXPECT_THAT(run("check", "--locked j1=0.1").err, HasSubstr("j1 is 0.1; allowed: 0.2 ... 1"));
+  EXPECT_THAT(run("check", "--locked j9=0").err, HasSubstr("'j9' is no joint"));
+  EXPECT_THAT(run("check", "--locked j1").err, HasSubstr("allowed, separated by commas"));
+}
+
+TEST(ModelCheck, LooksAtARobotOfAnySizeAndSaysHowManyJointsATaskHasToLock) {
+  const std::string text = Row(std::vector<std::string>(40, kInPlane));
+  const ModelOutcome run = ModelRunner(text)("check", "");
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("degrees of freedom: 43\n"));
+  EXPECT_THAT(run.out,
+              HasSubstr("it needs 32 more of these 40 joints locked: a task moves up to 8"));
+  const ModelOutcome hybrid = ModelRunner(text)("hybrid", "");
+  EXPECT_EQ(hybrid.status, 1);
+  EXPECT_THAT(hybrid.err, HasSubstr("evaluated with up to 32: lock some joints (--locked)"));
+}
+
+TEST(ModelCheck, NamesEveryMistakeOfAFileThatHoldsNoRobot) {
+  const ModelOutcome run =
+      ModelRunner(Row({"<axis xyz='0 1'/>", "<axis xyz='a b c'/>"}))("check", "");
+  EXPECT_EQ(run.status, 1);
+  EXPECT_THAT(run.err, HasSubstr("robot.urdf:5: joint 'j0': <axis> xyz is '0 1'"));
+  EXPECT_THAT(run.err, HasSubstr("robot.urdf:6: joint 'j1': <axis> xyz is 'a b c'"));
+  EXPECT_THAT(ModelRunner(Row({"<axis xyz='0 1'/>", "<axis xyz='a b c'/>"}))("hybrid", "").err,
+              HasSubstr("(and 1 more: `tumbler-model check` lists all)"));
 }
 
 TEST(ModelCheck, WarnsOfInertiaThatNoBodyHasWithLinkAndLine) {
@@ -250,7 +330,6 @@ TEST(ModelCheck, RefusesWhatIsNoRobotWithFileLineAndElement) {
            {"<mass value=\"1.0\"", "<mass value=\"-1\"", "inertial mass is -1 kg; allowed: > 0"},
            {"lower=\"-2.9", "lower=\"29", "limit lower = 29 upper = 2.9"},
            {"<axis xyz=\"0 -1 0\"", "<axis xyz=\"0 0 0\"", "has no direction"},
-           {"type=\"revolute\"", "type=\"planar\"", "type"},
            {"<mass value=\"1.0\"", "<mass value=\"heavy\"", "allowed: a finite number"},
            {"</robot>", "<link name='alone'/></robot>", "no joint carries it"}}) {
     const std::string text = Replaced(ShippedRobot(), wrong.from, wrong.to);

@@ -286,6 +286,67 @@ TEST(Motor, TheTwinsMotorGivesTheTorqueThatTheCertificateStates) {
   EXPECT_GT(PlayInTwin(problem, x, other).furthest_nm, 0.1);
 }
 
+/// The arm of a robot whose file says what its joint loses.
+Problem ParseRubbingArm(const std::string& task, const std::string& dynamics) {
+  const std::string robot =
+      testing::ReadFile(testing::SourcePath("primitives/acrobot/acrobot.urdf"));
+  return ParseTask(task, "task.toml", Replaced(robot, "<limit ", dynamics + "<limit "), "arm.urdf")
+      .problem;
+}
+
+TEST(Motor, HasTheFrictionOfTheRobotsFileUnlessTheTaskSaysOtherwise) {
+  const char* const kRubs = "<dynamics friction=\"0.25\"/>";
+  const Problem problem =
+      ParseRubbingArm(ArmTask("[motor]\nviscous_friction_nm_s_per_rad = 0.04\n"), kRubs);
+  EXPECT_EQ(problem.scene.motors[0].dry_friction_nm, 0.25);
+  const std::vector<double> x = RandomMotion(problem, 3, 0.5);
+  const double certified_nm = Summarize(problem, x).peak_torque_nm;
+  EXPECT_LT(PlayInTwin(problem, x, {}).furthest_nm, 0.02 * certified_nm);
+  EXPECT_EQ(ParseRubbingArm(ArmTask("[motor]\ndry_friction_nm = 0.1\n"), kRubs)
+                .scene.motors[0]
+                .dry_friction_nm,
+            0.1);
+}
+
+TEST(Motor, WithoutATasksMotorsTheFilesFrictionIsInTheTwinAndInLanesAndNotInThePlan) {
+  const Problem problem = ParseRubbingArm(ArmTask(""), "<dynamics friction=\"0.25\"/>");
+  const Problem light = ParseArm(ArmTask(""));
+  const std::vector<double> x = RandomMotion(problem, 3, 0.5);
+  EXPECT_EQ(Summarize(problem, x).peak_torque_nm, Summarize(light, x).peak_torque_nm);
+  TwinConfig config;
+  config.joints.resize(1);
+  config.joints[0].viscous_friction_nm_s_per_rad = 0.0;
+  EXPECT_NEAR(PlayInTwin(problem, x, config).furthest_nm, 0.25, 0.02);
+  config.joints[0].dry_friction_nm = 0.0;
+  EXPECT_LT(PlayInTwin(problem, x, config).furthest_nm, 0.02);
+  Problem handstand = ParseTask(testing::QuickTask(), "task.toml",
+                                Replaced(testing::ShippedRobot(), "<limit ",
+                                         "<dynamics friction=\"0.25\"/><limit "),
+                                "robot.urdf")
+                          .problem;
+  LaneDrive drive;
+  EXPECT_EQ(MakeLaneScene(handstand.scene, drive).robot.joints[0].dry_friction, 0.25);
+  EXPECT_EQ(MakeLaneScene(handstand.scene, drive).robot.joints[1].dry_friction, 0);
+}
+
+TEST(Motor, FrictionOfAFileThatIsNotSimulatedIsRefusedWithWhatCanBeSaidInstead) {
+  const auto mistake = [](const std::string& task, const std::string& friction) {
+    try {
+      ParseRubbingArm(ArmTask(task), "<dynamics friction=\"" + friction + "\"/>");
+    } catch (const FileError& error) {
+      return std::string(error.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_THAT(mistake("", "6"),
+              HasSubstr("robot: has joint 'waist' with a dry friction of 6 N m, which is more than "
+                        "is simulated; allowed: up to 5, or motor.waist.dry_friction_nm"));
+  EXPECT_EQ(mistake("[motor.waist]\ndry_friction_nm = 5.0\n", "6"), "taken");
+  EXPECT_EQ(mistake("", "5"), "taken");
+  EXPECT_THAT(mistake("[passive.waist]\n", "0.1"),
+              HasSubstr("passive.waist: has a dry friction of 0.1 N m in the robot's file"));
+}
+
 TEST(Motor, AMotionFoundWithACurveStaysWithinItInAFinerSimulationAndInTheTwin) {
   const std::string curve =
       "[motor]\ndry_friction_nm = 0.1\nbase_speed_rad_s = 2.0\n"

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/sequence_toml.h"
+#include "common/spline_extent.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "offline/certificate/second_look.h"
@@ -141,7 +142,7 @@ TEST(MovingEnds, LimitsAreThoseOfTheSplineThatIsWritten) {
       const std::array<double, 3> limit = {1, limits.velocity_max_rad_s,
                                            limits.acceleration_max_rad_s2};
       for (const std::size_t d : {1U, 2U}) {
-        for (const double point : path.control_points(static_cast<int>(d)))
+        for (const double point : RefinedControlPoints(path, static_cast<int>(d), 8))
           largest[d] = std::max(largest[d], std::abs(point) / limit[d] - 1);
       }
     }

@@ -51,6 +51,55 @@ std::string EndlessLocalSolves() {
                   "1e-300");
 }
 
+TEST(OptimizeCli, TellsBeforeTheSearchAllThatTheDrivesOfASimulationDoNotCarry) {
+  const TaskFolder folder(
+      EndlessSearch() + "\n[drives]\nkp_nm_per_rad = 600\nkd_nm_s_per_rad = 6\n",
+      testing::ReplacedAll(
+          testing::ReplacedAll(testing::ShippedRobot(), "upper=\"2.9\"", "upper=\"13\""),
+          "effort=\"8.0\"", "effort=\"20\""));
+  Program program = Optimize(folder, {});
+  EXPECT_TRUE(
+      program.WaitFor("leg2: torque_max_nm 20 (of 18 N m), kp_nm_per_rad 600 (of 500 N "
+                      "m/rad), kd_nm_s_per_rad 6 (of 5 N m s/rad)"));
+  program.Signal(SIGINT);
+  program.Wait();
+  EXPECT_THAT(program.text(), HasSubstr("leg1: position_max_rad 13 (of 12.5 rad)"));
+  EXPECT_THAT(program.text(), HasSubstr("play the motion with a drives file (--drives)"));
+}
+
+TEST(OptimizeCli, SaysNothingOfDrivesThatCarryTheTaskButHowSlowTheirLoopsMayBe) {
+  const TaskFolder folder(QuickTask());
+  Program program = Optimize(folder, {});
+  EXPECT_EQ(program.Wait(), 0);
+  EXPECT_THAT(program.text(), Not(HasSubstr("drives of a simulation")));
+  EXPECT_THAT(program.text(),
+              HasSubstr("damping: kd of 4 N m s/rad is stable in drives whose loop takes less "));
+  EXPECT_THAT(program.text(), Not(HasSubstr("advised are loops of the drives")));
+}
+
+TEST(OptimizeCli, WarnsOfDampingThatASimulationIsTooSlowFor) {
+  // Legs without rotors of so much damping need loops far above 20 kHz.
+  const TaskFolder folder(QuickTask() + "\n[drives]\nkp_nm_per_rad = 200\nkd_nm_s_per_rad = 100\n");
+  Program program = Optimize(folder, {});
+  program.Wait();
+  EXPECT_THAT(program.text(), HasSubstr("warning: advised are loops of the drives of 0.0"));
+}
+
+TEST(OptimizeCli, AdvisesStifferDrivesWhereOnlyDrivesThatGiveWayLetTheRobotFall) {
+  // The shipped handstand stands with exact joints, and not with drives of a twentieth of its kp.
+  const TaskFolder folder(
+      Replaced(ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml")),
+               "../../robots", "../robots") +
+      "\n[drives]\nkp_nm_per_rad = 10\nkd_nm_s_per_rad = 1\n");
+  Program program =
+      Optimize(folder, {"--guess", testing::SourcePath("primitives/nominal/handstand.toml")});
+  EXPECT_EQ(program.Wait(), 2) << program.text();
+  EXPECT_THAT(program.text(),
+              HasSubstr("use stiffer drives: a larger drives.kp_nm_per_rad than 10, and "
+                        "drives.kd_nm_s_per_rad than 1"));
+  EXPECT_THAT(program.text(), Not(HasSubstr("another --seed")));
+}
+
 TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
   const TaskFolder folder(QuickTask());
   Program program = Optimize(folder, {"--out", folder / "motion.toml", "--report", folder / "a/b",

@@ -88,6 +88,65 @@ TEST(OwnRobotGuide, FilesOfAnyNumberOfMotorsAreUsable) {
   }
 }
 
+TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
+  const testing::TemporaryFolder folder;
+  const std::string urdf = SourcePath("tests/data/robots/sweeper.urdf");
+  const Outcome made = In(folder / "", "tumbler-new sweeper --urdf " + urdf);
+  EXPECT_EQ(made.exit_code, 0) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("note: locked, as no task moves them: grip, shoulder_yaw"));
+  EXPECT_THAT(made.text,
+              HasSubstr("of which these joints move: shoulder_pitch, elbow. Go on with\n"));
+  EXPECT_EQ(ReadFile(folder / "sweeper/sweeper.urdf"), ReadFile(urdf));
+  const std::string task = ReadFile(folder / "sweeper/tasks/bend.toml");
+  EXPECT_THAT(task, HasSubstr("root = \"planar-xz\""));
+  EXPECT_THAT(task, HasSubstr("locked = { grip = 0.005, shoulder_yaw = 0.0 }"));
+  EXPECT_THAT(task, HasSubstr("joints_rad = { shoulder_pitch = 0.0, elbow = 0.12 }"));
+  EXPECT_THAT(ReadFile(folder / "sweeper/drives.toml"), ::testing::Not(HasSubstr("shoulder_yaw")));
+  const Outcome moved =
+      In(folder / "sweeper",
+         "set -e\n"
+         "tumbler-optimize tasks/bend.toml --out motions/bend.toml --report report\n"
+         "tumbler-optimize tasks/unbend.toml --start-from motions/bend.toml --out "
+         "motions/unbend.toml\n"
+         "tumbler-run sim sweeper.toml --cycles 1 --twin twin.toml --record run.rec\n"
+         "tumbler-report run.rec --out page\n"
+         "tumbler-record run.rec --mcap run.mcap\n");
+  EXPECT_EQ(moved.exit_code, 0) << moved.text;
+  EXPECT_THAT(moved.text, HasSubstr("2 motions, 1 complete cycle"));
+  // A motion with other joints locked is of another robot.
+  testing::WriteFile(folder / "sweeper/tasks/other.toml",
+                     testing::Replaced(ReadFile(folder / "sweeper/tasks/unbend.toml"),
+                                       "grip = 0.005", "grip = 0.02"));
+  EXPECT_THAT(In(folder / "sweeper",
+                 "tumbler-optimize tasks/other.toml --start-from motions/bend.toml --out o.toml")
+                  .text,
+              HasSubstr("or locked joints, than the task tasks/other.toml"));
+}
+
+TEST(TumblerNew, FixesARobotThatDoesNotRestOnTheGroundAndRefusesOneThatNoTaskTakes) {
+  const testing::TemporaryFolder folder;
+  const std::string urdf = ReadFile(SourcePath("tests/data/robots/sweeper.urdf"));
+  const auto make = [&](const std::string& name, const std::string& text, const char* more = "") {
+    testing::WriteFile(folder / (name + ".urdf"), text);
+    return In(folder / "", "tumbler-new " + name + " --urdf " + name + ".urdf" + more);
+  };
+  const Outcome bare = make("bare", testing::ReplacedAll(urdf, "collision>", "visual>"));
+  EXPECT_EQ(bare.exit_code, 0) << bare.text;
+  EXPECT_THAT(bare.text, HasSubstr("its root link is fixed, as it does not rest on the ground: it "
+                                   "has no collision shape to stand on"));
+  const Outcome loaded = In(folder / "bare", "tumbler-optimize tasks/bend.toml --out .");
+  EXPECT_EQ(loaded.text, "error: .: is a directory, not a file\n");
+  const Outcome asked =
+      make("asked", testing::ReplacedAll(urdf, "collision>", "visual>"), " --root planar-xz");
+  EXPECT_EQ(asked.exit_code, 1);
+  EXPECT_FALSE(std::filesystem::exists(folder / "asked"));
+  const Outcome weak = make("weak", testing::ReplacedAll(urdf, "effort=\"6\"", "effort=\"0\""));
+  EXPECT_EQ(weak.exit_code, 1);
+  EXPECT_THAT(weak.text, HasSubstr("joint 'shoulder_pitch': limit effort = 0; allowed: > 0 (and 1 "
+                                   "more: `tumbler-model check` lists all)"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "weak"));
+}
+
 TEST(TumblerNew, ReplacesNothingAndLeavesNothingBehind) {
   const testing::TemporaryFolder folder;
   std::filesystem::create_directory(folder / "taken");

@@ -83,7 +83,7 @@ void LieFlat(Watcher& scene, const DrivesPosture& drives = kOn) {
 
 TEST(Posture, AJointThatSlidesIsElsewhereAfterCentimetres) {
   for (const bool slides : {false, true}) {
-    PostureWatch watch(Gait().file(), {}, StartOf(Gait().file()), {false, slides});
+    PostureWatch watch(Gait().file(), {}, StartOf(Gait().file()), {{false, slides}, {}});
     TwinState state;
     state.root_pitch_rad = M_PI / 2;
     state.root_z_m = kUp_m;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/support/sequence_files.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 namespace {
@@ -24,6 +25,11 @@ using testing::SequenceFolder;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kMotion_s = 1;
+
+const PlanarRobot& Tumbler() {
+  static const PlanarRobot robot = LoadTumbler();
+  return robot;
+}
 
 /// A gait whose first primitive is to be upright and at rest, 0.1 m to the right of its start.
 class Judge : public ::testing::Test {
@@ -39,10 +45,17 @@ class Judge : public ::testing::Test {
     return files;
   }
 
+  static TwinState WithJoints() {
+    TwinState truth;
+    truth.joint_positions_rad = truth.joint_velocities_rad_s = {0, 0};
+    return truth;
+  }
+
   /// Lets a tick pass.
   void Tick(ExecutorState state, const std::string& node, double time_s,
-            Reaction reaction = Reaction::kIgnore) {
+            Reaction reaction = Reaction::kIgnore, double primitive_time_s = 0) {
     TickRecord record;
+    record.primitive_time_s = static_cast<float>(primitive_time_s);
     record.state = state;
     record.reaction = reaction;
     record.node = static_cast<decltype(record.node)>(file_.graph.FindNode(node));
@@ -81,37 +94,106 @@ class Judge : public ::testing::Test {
 
   const SequenceFolder folder_{testing::GaitText(), Primitives()};
   const SequenceFile file_ = LoadSequence(folder_.file());
-  std::optional<PurposeJudge> judge_{std::in_place, file_, true, false};
-  TwinState truth_;
+  std::optional<PurposeJudge> judge_{std::in_place, file_, Tumbler()};
+  TwinState truth_ = WithJoints();
   std::function<void(double)> disturb_;  ///< Changes the truth so long after a motion.
 };
 
-/// The same, and beside it targets of which only some are of the root after the motion.
-class JudgeOfTimes : public Judge {
+/// The same, with what is asked for in the motion, and of a point: the end of leg 1, which hinges
+/// 0.15 m from the middle and is 0.2 m long.
+class JudgeOfPoints : public Judge {
  protected:
+  static PurposeTarget Foot(Of of, When when, double target, double tolerance) {
+    PurposeTarget foot{of, when, target, tolerance};
+    foot.link = "leg1_link";
+    foot.point_m = {0.2, 0};
+    return foot;
+  }
   static std::vector<PrimitiveFile> Timed() {
     std::vector<PrimitiveFile> files = Primitives();
-    PurposeTarget foot{Of::kPointZ, When::kEnd, 0.3, 0.02};
-    foot.link = "leg1_link";
     PurposeTarget under_way{Of::kPitch, When::kTime, 0.7, 0.05, 0.5 * kMotion_s};
     PurposeTarget settling{Of::kX, When::kTime, 0.6, 0.02, kMotion_s + 0.25};
-    files[0].purpose = {{foot, 0.3}, {under_way, 0.7}, {settling, 0.6}};
+    PurposeTarget swinging = Foot(Of::kPointZRate, When::kTime, 1, 0.1);
+    swinging.time_s = 0.3;
+    files[0].purpose = {{Foot(Of::kPointX, When::kSettled, 0.6, 0.02), 0.6},
+                        {Foot(Of::kPointZ, When::kSettled, 0.65, 0.02), 0.65},
+                        {under_way, 0.7},
+                        {swinging, 1},
+                        {settling, 0.6}};
     return files;
+  }
+  /// Plays the node, in which the pitch goes on evenly to an eighth of a turn and then at once to
+  /// the end, where the leg that has the role of leg 1 is straight and the other one is folded.
+  void Swing(const std::string& node, std::size_t leg, double start_s) {
+    const double pitch_rad = truth_.root_pitch_rad;
+    for (int i = 0; i < 100; ++i) {
+      const double t = 0.01 * i;
+      truth_.root_pitch_rad = pitch_rad + kPi / 4 * t / kMotion_s;
+      truth_.root_pitch_rate_rad_s = kPi / 4 / kMotion_s;
+      truth_.joint_velocities_rad_s[leg] = i == 30 ? 5 : 0;
+      Tick(ExecutorState::kRunning, node, start_s + t, Reaction::kIgnore, t);
+    }
+    truth_.root_x_m += 0.1;
+    truth_.root_z_m = 0.3;
+    truth_.root_pitch_rad = pitch_rad + kPi / 2;
+    truth_.root_pitch_rate_rad_s = 0;
+    truth_.joint_velocities_rad_s = {0, 0};
+    truth_.joint_positions_rad[1 - leg] = 1.5;
+    for (int i = 0; i < 100; ++i) {
+      Tick(i < 50 ? ExecutorState::kSettling : ExecutorState::kHolding, node,
+           start_s + kMotion_s + 0.01 * i);
+    }
   }
   const SequenceFolder timed_{testing::GaitText(), Timed()};
   const SequenceFile timed_file_ = LoadSequence(timed_.file());
 };
 
-TEST_F(JudgeOfTimes, LeavesPointsAndTimesInTheMotionToTheProgramThatMadeIt) {
-  judge_.emplace(timed_file_, true, false);
-  disturb_ = [this](double t) {
-    if (t > 0.26) truth_.root_x_m = 9;
-  };
-  Play("up", 3, 2.5);
-  ASSERT_EQ(purpose().size(), 1U);
-  EXPECT_EQ(purpose()[0].target.name(), "x, at 1.25 s");
-  EXPECT_NEAR(*purpose()[0].result, 0.6, 1e-12) << "what happens later does not count";
-  EXPECT_EQ(judge_->passages()[0].purpose_met(), true);
+TEST_F(JudgeOfPoints, TakesPointsOfLinksAndEachTimeInTheMotionAtThatTime) {
+  judge_.emplace(timed_file_, Tumbler());
+  truth_.root_x_m = 7;
+  Swing("up", 0, 3);
+  ASSERT_EQ(purpose().size(), 5U);
+  EXPECT_NEAR(*purpose()[0].result, 0.5 + 0.1, 1e-9) << "the leg stands on end";
+  EXPECT_NEAR(*purpose()[1].result, 0.3 + 0.35, 1e-9);
+  EXPECT_NEAR(*purpose()[2].result, kPi / 8, 1e-9);
+  EXPECT_NEAR(*purpose()[2].after_s, 0.5 - timed_file_.PrimitiveOf(0).primitive.duration_s, 1e-6);
+  EXPECT_EQ(purpose()[2].name(), "pitch, at 0.5 s");
+  // The root's rate at a lever of 0.35 m, and the leg's at one of 0.2 m, both turned by the pitch.
+  const double pitch_rad = 0.3 * kPi / 4;
+  EXPECT_NEAR(*purpose()[3].result, (0.35 * kPi / 4 + 0.2 * 5) * std::cos(pitch_rad), 1e-6);
+  EXPECT_NEAR(*purpose()[4].result, 0.6, 1e-12);
+  EXPECT_TRUE(judge_->passages()[0].amiss()) << "the pitch was another at 0.5 s";
+  for (const JudgedTarget& judged : purpose()) EXPECT_NE(judged.met(), std::nullopt);
+}
+
+TEST_F(JudgeOfPoints, InASwappedMotionAPointIsThatOfTheLegInTheRole) {
+  judge_.emplace(timed_file_, Tumbler());
+  truth_.root_pitch_rad = kPi;
+  Swing("up, swapped", 1, 3);
+  ASSERT_EQ(purpose().size(), 5U);
+  EXPECT_NEAR(*purpose()[0].result, 0.5 + 0.1, 1e-9);
+  EXPECT_NEAR(*purpose()[1].result, 0.3 + 0.35, 1e-9);
+}
+
+TEST_F(JudgeOfPoints, OfAPointThatTheRobotHasNotItIsSaidThatNobodyJudgesIt) {
+  PlanarRobot other = Tumbler();
+  for (PlanarLink& link : other.links) link.name += "_";
+  judge_.emplace(timed_file_, other);
+  Swing("up", 0, 3);
+  EXPECT_FALSE(purpose()[0].met().has_value());
+  EXPECT_EQ(purpose()[0].Verdict().rfind("not judged, its link is no link of the robot", 0), 0U)
+      << purpose()[0].Verdict();
+  EXPECT_TRUE(purpose()[2].met().has_value());
+}
+
+TEST_F(Judge, WhatWasNotSeenOfAMotionIsNotTakenFromTheNextOne) {
+  Play("up", 0, 1.0);
+  EXPECT_FALSE(purpose()[2].result.has_value());
+  Play("up", 2.1, 2.5);  // the operator runs it again from the hold
+  EXPECT_FALSE(purpose()[2].result.has_value());
+  EXPECT_FALSE(judge_->passages()[0].pitch_later_rad.has_value());
+  EXPECT_TRUE(judge_->passages()[0].unjudged());
+  EXPECT_TRUE(judge_->passages()[1].purpose[2].result.has_value());
 }
 
 TEST_F(Judge, TakesEachResultAtItsInstantAndPlaceAlongXFromTheEntry) {
@@ -190,8 +272,8 @@ TEST_F(Judge, ASettlingThatIsBrokenOffIsJudgedWhereTheRobotIsThenIfItsTimeHasCom
   for (const ExecutorState then : {ExecutorState::kStopping, ExecutorState::kFault,
                                    ExecutorState::kMovingToStart, ExecutorState::kDisarmed}) {
     for (const double after_s : {1.0, 3.0}) {
-      judge_.emplace(file_, true, false);
-      truth_ = {};
+      judge_.emplace(file_, Tumbler());
+      truth_ = WithJoints();
       Tick(ExecutorState::kRunning, "up", 0);
       truth_.root_x_m = 0.1;
       truth_.root_pitch_rad = kPi / 2;
@@ -216,7 +298,7 @@ TEST_F(Judge, ThePlanOfEachMotionBeginsAtItsEntryAndNotWhereExitsAddUpTo) {
   files[0].exit.root_pitch_rad += 2e-3;
   const SequenceFolder folder(testing::GaitText(), files);
   const SequenceFile file = LoadSequence(folder.file());
-  judge_.emplace(file, true, false);
+  judge_.emplace(file, Tumbler());
   const std::vector<std::string> nodes = {"up", "down", "up, swapped", "down, swapped"};
   for (int i = 0; i < 80; ++i) Play(nodes[static_cast<std::size_t>(i % 4)], 1.5 * i, 0.4);
   const std::vector<Passage>& passages = judge_->passages();
@@ -263,8 +345,8 @@ TEST_F(Judge, OfARunInWhichNothingIsAsAskedTheFirstAndTheLastAreKept) {
 
 TEST_F(Judge, ARobotThatHasTurnedAboutBeforeIsJudgedAsOneThatHasNot) {
   for (const double turns : {1.0, -2.0}) {
-    judge_.emplace(file_, true, false);
-    truth_ = {};
+    judge_.emplace(file_, Tumbler());
+    truth_ = WithJoints();
     truth_.root_pitch_rad = 2 * kPi * turns;
     Play("up", 0, 2.5);
     EXPECT_NEAR(*purpose()[1].result, kPi / 2, 1e-9);
@@ -285,8 +367,8 @@ TEST_F(Judge, KnowsTheMotionThatHasBegunAndNotEnded) {
 
 TEST_F(Judge, AMotionThatIsRolledOutAfterAFaultHasEndedAndOneThatIsCaughtHasNot) {
   for (const bool rolled_out : {false, true}) {
-    judge_.emplace(file_, true, false);
-    truth_ = {};
+    judge_.emplace(file_, Tumbler());
+    truth_ = WithJoints();
     Tick(ExecutorState::kRunning, "up", 0);
     const Reaction reaction = rolled_out ? Reaction::kRollOut : Reaction::kHold;
     Tick(ExecutorState::kFault, "up", 0.3, reaction);

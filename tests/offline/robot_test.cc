@@ -393,6 +393,203 @@ TEST(Robot, TheShippedOneMovesInSpaceAsInThePlane) {
   }
 }
 
+/// The findings of a file that holds no robot.
+std::vector<RobotFinding> MistakesOf(const std::string& text) {
+  try {
+    ParseInSpace(text);
+  } catch (const RobotFileError& error) {
+    return error.findings();
+  }
+  return {};
+}
+
+/// A root and a link on a joint about y.
+std::string Pair(const std::string& joint, const std::string& type = "revolute",
+                 const std::string& more = "") {
+  return RobotText(Link("base") + Link("a") + more +
+                   Joint("turn", type, "base", "a", "<axis xyz='0 -1 0'/>" + joint));
+}
+
+TEST(Robot, HasTheDampingAndDryFrictionOfItsJoints) {
+  const std::string text = Pair(kLimit + std::string("<dynamics damping='0.3' friction='0.2'/>"));
+  const PlanarRobot robot = Parse(text);
+  EXPECT_EQ(robot.tree.dofs[3].damping_nm_s_per_rad, 0.3);
+  EXPECT_EQ(robot.dry_friction_nm, (std::vector<double>{0, 0, 0, 0.2}));
+  const std::string negative = Pair(kLimit + std::string("<dynamics friction='-0.2'/>"));
+  EXPECT_THAT(Refusal(negative), HasSubstr("dynamics friction = -0.2; allowed: >= 0"));
+}
+
+TEST(Robot, FramesWithoutMassOnFixedJointsArePartsOfTheirBody) {
+  // A frame with numbers that are all 0, and a point of mass.
+  const std::string frame =
+      "<link name='frame'><inertial><mass value='0'/><inertia ixx='0' ixy='0' ixz='0' iyy='0' "
+      "iyz='0' izz='0'/></inertial></link>";
+  const std::string point = testing::Replaced(testing::Replaced(frame, "'frame'", "'point'"),
+                                              "mass value='0'", "mass value='0.5'");
+  const PlanarRobot robot =
+      Parse(Pair(kLimit, "revolute",
+                 frame + point + Joint("f", "fixed", "a", "frame", "") +
+                     Joint("p", "fixed", "frame", "point", "<origin xyz='0.2 0 0'/>")));
+  EXPECT_DOUBLE_EQ(robot.tree.dofs[3].mass_kg, 1.5);
+  EXPECT_NEAR(robot.tree.dofs[3].inertia_kg_m2, 0.02 + 0.2 * 0.2 / 3, 1e-12);
+  // What moves is judged: a point of mass alone is no body that turns.
+  const std::string alone = RobotText(
+      Link("base") + point +
+      Joint("turn", "revolute", "base", "point", std::string("<axis xyz='0 1 0'/>") + kLimit));
+  EXPECT_THAT(Refusal(alone), HasSubstr("link 'point': inertia has the principal moment 0"));
+}
+
+TEST(Robot, ACapsuleIsTheCylinderOfTheSameOverallLength) {
+  const std::string capsule =
+      "<link name='end'><visual><geometry><capsule radius='0.1' length='0.3'/></geometry></visual>"
+      "<collision><geometry><capsule radius='0.1' length='0.3'/></geometry></collision></link>";
+  const Robot robot =
+      ParseInSpace(Pair(kLimit, "revolute", capsule + Joint("f", "fixed", "a", "end", "")));
+  ASSERT_EQ(robot.collision_shapes.size(), 1U);
+  EXPECT_EQ(robot.collision_shapes[0].kind, RobotShape::Kind::kCylinder);
+  EXPECT_EQ(robot.collision_shapes[0].radius_m, 0.1);
+  EXPECT_DOUBLE_EQ(robot.collision_shapes[0].length_m, 0.5);
+  EXPECT_EQ(robot.visual_shapes.size(), 1U);
+  const std::string elsewhere =
+      testing::Replaced(capsule, "<visual>",
+                        "<collision_checking><capsule name='end'/></collision_checking><visual>");
+  EXPECT_TRUE(
+      MistakesOf(Pair(kLimit, "revolute", elsewhere + Joint("f", "fixed", "a", "end", ""))).empty())
+      << "of others' elements nothing is known";
+}
+
+TEST(Robot, AWorldThatTheFileDoesNotHaveCarriesTheRobot) {
+  const std::string text = RobotText(
+      Link("base") + Link("a") + Joint("stand", "fixed", "world", "base", "") +
+      Joint("turn", "revolute", "base", "a", std::string("<axis xyz='0 1 0'/>") + kLimit));
+  const Robot robot = ParseInSpace(text, RootKind::kFixed);
+  EXPECT_EQ(robot.links.front().name, "world");
+  EXPECT_EQ(robot.links.front().mass_kg, 0);
+  EXPECT_EQ(robot.tree.dofs.size(), 1U);
+  const UrdfSource source(text, "robot.urdf");
+  ASSERT_EQ(source.notes().size(), 1U);
+  EXPECT_EQ(source.notes()[0].key, "joint 'stand'");
+  // One that nothing hangs on is left out.
+  EXPECT_EQ(ParseInSpace(Pair(kLimit, "revolute", "<link name='world'/>")).links.front().name,
+            "base");
+  EXPECT_THAT(MistakesOf(testing::Replaced(text, "'world'", "'wrld'"))[0].problem,
+              HasSubstr("<parent> is the link 'wrld', which is not in the file"));
+}
+
+TEST(Robot, ATextOfXacroIsNamedWithTheCommandThatMakesAUrdfOfIt) {
+  const std::string text =
+      "<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'>\n<xacro:include "
+      "filename='x'/>\n"
+      "<xacro:leg side='left'/></robot>";
+  const std::vector<RobotFinding> mistakes = MistakesOf(text);
+  ASSERT_EQ(mistakes.size(), 1U);
+  EXPECT_EQ(mistakes[0].line, 2U);
+  EXPECT_THAT(mistakes[0].problem, HasSubstr("xacro robot.urdf > robot.urdf"));
+}
+
+TEST(Robot, AllMistakesOfAFileAreNamedAtOnce) {
+  const auto problems = [](const std::string& inside) {
+    std::vector<std::string> all;
+    for (const RobotFinding& mistake : MistakesOf(RobotText(inside)))
+      all.push_back(mistake.problem);
+    return all;
+  };
+  const std::string astray = Joint("turn", "revolute", "a", "nobody", "<limit lower='x'/>");
+  EXPECT_THAT(problems(Link("a", "heavy") + astray),
+              ::testing::ElementsAre(HasSubstr("<mass> value is 'heavy'"),
+                                     HasSubstr("<limit> lower is 'x'"),
+                                     HasSubstr("<child> is the link 'nobody'")));
+  // What may only follow from a name is not named.
+  EXPECT_THAT(problems("<link/>" + Link("a") + Link("a") + astray),
+              ::testing::ElementsAre(HasSubstr("has no name"), HasSubstr("the name is taken"),
+                                     HasSubstr("<limit> lower is 'x'")));
+}
+
+TEST(Robot, WhatOnlyATaskNeedsDoesNotKeepItFromBeingLookedAt) {
+  const auto findings = [](const std::string& text) {
+    std::vector<std::string> problems;
+    for (const RobotFinding& finding : ParseInSpace(text).findings)
+      problems.push_back(finding.problem);
+    return problems;
+  };
+  EXPECT_THAT(findings(Pair("")), ::testing::ElementsAre("lacks <limit>"));
+  EXPECT_THAT(findings(Pair("<limit lower='-1' upper='1'/>")),
+              ::testing::ElementsAre("<limit> lacks the attribute effort",
+                                     "<limit> lacks the attribute velocity"));
+  EXPECT_THAT(findings(Pair("", "floating")),
+              ::testing::ElementsAre(HasSubstr("its type is 'floating'; allowed: revolute, ")));
+  EXPECT_EQ(ParseInSpace(Pair("")).joints.back().limits.effort_nm,
+            std::numeric_limits<double>::infinity());
+  const std::string colour = "<visual><geometry><sphere radius='1'/></geometry></visual>";
+  EXPECT_TRUE(
+      findings(Pair(kLimit, "revolute", "<material name='red'/><material name='red'/>")).empty())
+      << "colours count for nothing: " << colour;
+}
+
+TEST(Robot, ALockedJointIsLikeAFixedOneAtThatAngle) {
+  const std::string slide =
+      Joint("slide", "prismatic", "b", "c", std::string("<axis xyz='1 0 0'/>") + kLimit);
+  const std::string free = RobotText(
+      Link("base") + Link("a", "1", "0.3") + Link("b", "2", "0.1") + Link("c", "3", "0.2") +
+      Joint("turn", "revolute", "base", "a",
+            std::string("<origin xyz='0.1 0 0'/><axis xyz='0 1 0'/>") + kLimit) +
+      Joint("knee", "revolute", "a", "b",
+            std::string("<origin xyz='0.4 0 0'/><axis xyz='0 0 2'/>") + kLimit) +
+      slide);
+  std::string fixed = testing::Replaced(free, "<joint name='knee' type='revolute'>",
+                                        "<joint name='knee' type='fixed'>");
+  fixed =
+      testing::Replaced(fixed, "<origin xyz='0.4 0 0'/>", "<origin xyz='0.4 0 0' rpy='0 0 0.7'/>");
+  fixed = testing::Replaced(fixed, "<joint name='slide' type='prismatic'>",
+                            "<joint name='slide' type='fixed'><origin xyz='-0.25 0 0'/>");
+  const Robot locked =
+      ParseRobot(free, "robot.urdf", RootKind::kPlanarXz, {{"knee", 0.7}, {"slide", -0.25}});
+  const Robot expected = ParseRobot(fixed, "robot.urdf", RootKind::kPlanarXz);
+  ASSERT_EQ(locked.tree.dofs.size(), expected.tree.dofs.size());
+  const Dof<Spatial>& a = locked.tree.dofs.back();
+  const Dof<Spatial>& b = expected.tree.dofs.back();
+  EXPECT_NEAR(a.mass_kg, b.mass_kg, 1e-12);
+  EXPECT_LT((a.mass_centre - b.mass_centre).norm(), 1e-12);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_LT((a.inertia_kg_m2.col(i) - b.inertia_kg_m2.col(i)).norm(), 1e-12);
+  EXPECT_LT(
+      (locked.FindLink("c")->pose.translation - expected.FindLink("c")->pose.translation).norm(),
+      1e-12);
+  ASSERT_EQ(locked.locked.size(), 2U);
+  EXPECT_EQ(locked.locked[0].limits.upper_rad, 1);
+}
+
+TEST(Robot, AJointThatFollowsAnotherIsLockedWithIt) {
+  const std::string turn = std::string("<axis xyz='0 1 0'/>") + kLimit;
+  const std::string text =
+      RobotText(Link("base") + Link("a") + Link("b") + Link("c") +
+                Joint("lead", "revolute", "base", "a", turn) +
+                Joint("f1", "revolute", "a", "b",
+                      turn + "<mimic joint='lead' multiplier='-2' offset='0.1'/>") +
+                Joint("f2", "revolute", "b", "c", turn + "<mimic joint='f1' multiplier='0.5'/>"));
+  EXPECT_EQ(ParseInSpace(text).findings.size(), 2U);
+  EXPECT_EQ(ParseInSpace(text).joints.back().mimics, "f1");
+  EXPECT_THAT(Refusal(text), HasSubstr("joint 'f1': follows joint 'lead' (mimic)"));
+  const Robot robot = ParseRobot(text, "robot.urdf", RootKind::kPlanarXz, {{"lead", 0.2}});
+  ASSERT_EQ(robot.locked.size(), 3U);
+  EXPECT_TRUE(robot.findings.empty());
+  EXPECT_DOUBLE_EQ(robot.locked[1].position_rad, -0.3);
+  EXPECT_EQ(robot.locked[1].with, "lead");
+  EXPECT_DOUBLE_EQ(robot.locked[2].position_rad, -0.15);
+  // Alone it cannot be held.
+  const Robot one = ParseRobot(text, "robot.urdf", RootKind::kPlanarXz, {{"f1", 0.7}});
+  ASSERT_EQ(one.locked.size(), 1U);
+  EXPECT_EQ(one.findings.size(), 2U);
+  const std::string astray =
+      testing::Replaced(text, "<mimic joint='lead'", "<mimic joint='nobody'");
+  EXPECT_TRUE(ParseRobot(astray, "robot.urdf", RootKind::kPlanarXz, {{"f1", 0.7}}).findings.empty())
+      << "nothing moves that it follows";
+  // A circle of them ends nothing but itself.
+  const std::string circle =
+      testing::Replaced(text, "<child link='a'/>", "<child link='a'/><mimic joint='f2'/>");
+  EXPECT_EQ(ParseInSpace(circle).findings.size(), 3U);
+}
+
 TEST(UrdfSource, KnowsLinesOfElements) {
   const std::string text = ShippedRobot();
   const UrdfSource source(text, "robot.urdf");

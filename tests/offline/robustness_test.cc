@@ -753,6 +753,35 @@ TEST(RobustnessStudy, WhatCannotBeJudgedInTheHoldIsRefused) {
   EXPECT_THROW(LaneTrials trials(study), Refused);
 }
 
+TEST(RobustnessStudy, RobotsThatWereNotJudgedAreInNoShareAndInNoCertificate) {
+  RobustnessResult result;
+  result.name = "motion";
+  result.study.motion = testing::SourcePath("primitives/nominal/handstand.toml");
+  result.trials.resize(10);
+  result.trials[0].verdict = Verdict::kAmiss;
+  result.trials[1].verdict = result.trials[2].verdict = Verdict::kNotJudged;
+  result.trials[1].reason = result.trials[2].reason = "nobody looked";
+  EXPECT_EQ(result.stands().count, 7);
+  EXPECT_EQ(result.stands().of, 8);
+  const std::string text = ToText(result);
+  EXPECT_THAT(text, HasSubstr("7 of 8 robots that were judged are as asked after every motion"));
+  EXPECT_THAT(text, HasSubstr("2 robots were not judged: nobody looked"));
+  const Json json = ToJson(result);
+  EXPECT_EQ(json["robots"].number(), 10);
+  EXPECT_EQ(json["judged"].number(), 8);
+  EXPECT_EQ(json["not_as_asked"].size(), 1U);
+  EXPECT_EQ(json["not_judged"].size(), 2U);
+  EXPECT_EQ(json["verdicts"]["not judged"].number(), 2);
+  const std::string page = RobustnessPage(result);
+  EXPECT_THAT(page, HasSubstr("7 of 8 robots that were judged are as asked"));
+  EXPECT_THAT(page, HasSubstr("2 robots were not judged: nobody looked"));
+  result.files = HashOfFiles(result.study);
+  EXPECT_THROW(Certify(result), Refused);
+  for (TrialOutcome& trial : result.trials) trial.verdict = Verdict::kNotJudged;
+  EXPECT_THAT(ToText(result), HasSubstr("motion: none of 10 robots was judged"));
+  EXPECT_THAT(RobustnessPage(result), HasSubstr("<p class=share>not judged</p>"));
+}
+
 TEST(RobustnessStudy, OfRobotsThatWereDroppedNobodySaysThatTheyKeptToTheModelsWay) {
   RobustnessResult result;
   result.study.drops = true;
@@ -906,10 +935,22 @@ TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout
       testing::RunProgram({"tumbler-optimize", testing::SourcePath("tests/data/tasks/arm.toml"),
                            "--quiet", "--out", arm});
   ASSERT_EQ(found.exit_code, 0) << found.text;
-  const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-robustness", arm, "--robots", "4"});
-  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
-  EXPECT_THAT(outcome.text, HasSubstr("4 of 4 robots are as asked"));
+  // Its task asks for nothing that could be missed, and a fixed root has no pitch to compare.
+  const std::string before = testing::ReadFile(arm);
+  const testing::Outcome outcome = testing::RunProgram(
+      {"tumbler-robustness", arm, "--robots", "4", "--certify", "--json", folder / "arm.json"});
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.text;
+  EXPECT_THAT(outcome.text,
+              HasSubstr("none of 4 robots was judged\n  4 robots were not judged: its "
+                        "task asks for nothing"));
+  EXPECT_THAT(outcome.text, HasSubstr("nothing was certified"));
+  EXPECT_THAT(outcome.text, ::testing::Not(HasSubstr("100.0 %")));
+  EXPECT_EQ(testing::ReadFile(arm), before);
+  const std::optional<Json> json = Json::Parse(testing::ReadFile(folder / "arm.json"));
+  ASSERT_TRUE(json);
+  EXPECT_EQ((*json)["judged"].number(), 0);
+  EXPECT_TRUE((*json)["share"].is_null());
+  EXPECT_EQ((*json)["not_judged"].size(), 4U);
   for (const std::string option : {"--push=2", "--drops", "--lanes"}) {
     const testing::Outcome refused =
         testing::RunProgram({"tumbler-robustness", arm, "--robots", "1", option});
@@ -941,6 +982,8 @@ TEST(RobustnessProgram, WhatARunWouldRefuseIsRefusedOfRobotsAndAbortsToo) {
               testing::ReplacedAll(
                   testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
                   "torque_nm = [-18.0, 18.0]", "torque_nm = [-5.0, 5.0]"));
+  testing::WriteFile(
+      drives, testing::ReplacedAll(testing::ReadFile(drives), "[-12.5, 12.5]", "[-2.0, 2.0]"));
   for (const std::vector<std::string>& command :
        {std::vector<std::string>{"tumbler-run", "sim", motion},
         {"tumbler-robustness", motion, "--robots", "2", "--certify"},
@@ -951,6 +994,10 @@ TEST(RobustnessProgram, WhatARunWouldRefuseIsRefusedOfRobotsAndAbortsToo) {
     EXPECT_EQ(refused.exit_code, 2) << refused.text;
     EXPECT_THAT(refused.text, HasSubstr("torque limit is "));
     EXPECT_THAT(refused.text, HasSubstr("whose range is -5 ... 5 N m"));
+    for (const char* joint : {"joint leg1: ", "joint leg2: "}) {
+      for (const char* what : {"position limit is 2.9 rad", "torque limit is "})
+        EXPECT_THAT(refused.text, HasSubstr(std::string(joint) + "the motion's " + what));
+    }
   }
   EXPECT_EQ(testing::ReadFile(motion), text);
 }

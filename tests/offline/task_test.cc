@@ -282,6 +282,82 @@ TEST(Task, GradientsAreTheAdjointUnlessThePapersAreAskedFor) {
             SolverSettings::Gradient::kForward);
 }
 
+/// A task of the arm of sweeper.urdf, with its base fixed.
+std::string SweeperTask(const std::string& locked, const std::string& more = "") {
+  return R"(format = "tumbler-task"
+version = 1
+name = "sweep"
+robot = "sweeper.urdf"
+root = "fixed"
+locked = )" +
+         locked + R"(
+duration_s = 0.5
+obstacle = []
+[start]
+joints_rad = { shoulder_pitch = 0.0, elbow = 0.5 }
+[end]
+joints_rad = { shoulder_pitch = 0.4, elbow = 0.9 }
+[[cost]]
+term = "effort"
+weight = 1.0
+)" + more;
+}
+Problem ParseSweeper(const std::string& task) {
+  const std::string file = testing::SourcePath("tests/data/robots/sweeper.urdf");
+  return ParseTask(task, "task.toml", testing::ReadFile(file), "sweeper.urdf").problem;
+}
+
+TEST(Task, JointsThatAreLockedAreNoneOfTheMotionAndTheirLinksAreOneBody) {
+  const Problem problem = ParseSweeper(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.01 }"));
+  ASSERT_EQ(problem.joints.size(), 2U);
+  const PlanarRobot& robot = problem.scene.robot;
+  ASSERT_EQ(robot.tree.dofs.size(), 2U);
+  EXPECT_NEAR(robot.tree.dofs[1].mass_kg, 0.15 + 0.02 + 0.02, 1e-12) << "with both fingers";
+  ASSERT_EQ(robot.locked.size(), 3U);
+  EXPECT_EQ(robot.locked[2].with, "grip");
+}
+
+TEST(Task, WhatCannotBeLockedIsRefusedByName) {
+  const auto mistake = [](const std::string& task) {
+    try {
+      ParseSweeper(task);
+    } catch (const FileError& error) {
+      return std::string(error.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_THAT(mistake(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.1 }")),
+              HasSubstr("task.toml:6: locked.grip: is 0.1; allowed: where the robot's file lets it "
+                        "be, 0.005 ... 0.03"));
+  const std::string sweeper =
+      testing::ReadFile(testing::SourcePath("tests/data/robots/sweeper.urdf"));
+  EXPECT_THAT(
+      [&] {
+        ParseTask(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.02 }"), "task.toml",
+                  Replaced(sweeper, "<mimic joint=\"grip\"/>",
+                           "<mimic joint=\"grip\" multiplier=\"2\"/>"),
+                  "sweeper.urdf");
+      },
+      ::testing::Throws<FileError>(::testing::Property(
+          &FileError::what,
+          HasSubstr("locked.grip: is 0.02, which puts 'grip_mirror', which follows "
+                    "it, at 0.04; allowed: where the robot's file lets it be"))));
+  EXPECT_THAT(
+      mistake(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.01, grip_mirror = 0.02 }")),
+      HasSubstr("locked.grip_mirror: is 0.02, but it follows 'grip', with which it is at 0.01; "
+                "leave it out"));
+  EXPECT_THAT(mistake(SweeperTask("{ shoulder_yawn = 0.0 }")),
+              HasSubstr("locked.shoulder_yawn: is no joint of the robot that moves; its joints: "));
+  EXPECT_THAT(mistake(SweeperTask("{ camera_mount = 0.0 }")), HasSubstr("locked.camera_mount: "));
+  EXPECT_THAT(mistake(SweeperTask("{ shoulder_yaw = 0.0 }")),
+              HasSubstr("joint 'grip_mirror': follows joint 'grip' (mimic)"));
+  EXPECT_THAT(mistake(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.01, elbow = 0.5 }")),
+              HasSubstr("joints_rad.elbow: is locked, so nothing moves it"));
+  EXPECT_THAT(mistake(Replaced(SweeperTask("{ shoulder_yaw = 0.0, grip = 0.01 }"),
+                               "shoulder_yaw = 0.0", "shoulder_yaw = 1.5")),
+              HasSubstr("its axis in the robot's frame is (-0.9975, 0.07074, 0)"));
+}
+
 TEST(Task, LimitsOfAJointTightenThoseOfAll) {
   const Problem problem =
       Parse(Replaced(LongHandstandTask(), "[[cost]]",

@@ -84,6 +84,22 @@ class Pages(unittest.TestCase):
                     ran.add(command)
             self.assertGreater(len(ran), 12)
 
+    def test_the_list_of_pages_reads_only_what_its_own_commands_have_made(self):
+        # Commands that begin a page must not need another page's.
+        made = set(re.findall(r"build/[\w./]+", (ROOT / "scripts/demo").read_text()))
+        count = 0
+        for command in commands("docs/README.md"):
+            words = command.split()
+            for before, word in zip(words, words[1:]):
+                if not word.startswith("build/"):
+                    continue
+                count += 1
+                if before.startswith("--"):
+                    made.add(word)
+                else:
+                    self.assertIn(word, made, command)
+        self.assertGreater(count, 8)
+
     def test_shares_of_robots_in_lanes_are_those_of_the_page(self):
         page = (ROOT / "docs/robustness.md").read_text()
         rows = re.findall(

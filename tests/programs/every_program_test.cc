@@ -44,6 +44,29 @@ TEST_P(EveryProgram, ExplainsItselfAndItsExitStatuses) {
   EXPECT_THAT(outcome.text, ::testing::Not(HasSubstr("{")));
 }
 
+/// Whether the first word of the line would have had room at the end of the line before.
+bool EndsEarly(const std::string& before, const std::string& line) {
+  const auto indent = [](const std::string& of) { return of.find_first_not_of(' '); };
+  if (before.empty() || line.empty() || indent(line) != 0 || indent(before) != 0) return false;
+  return before.size() + 1 + std::min(line.find(' '), line.size()) <= 100;
+}
+
+TEST_P(EveryProgram, BreaksTheLinesOfItsHelpWhereTheyAreFullAndKeepsItsListsIndented) {
+  const std::string help = RunProgram({GetParam(), "--help"}).text;
+  std::istringstream lines(help);
+  std::string before;
+  for (std::string line; std::getline(lines, line); before = line) {
+    EXPECT_LE(line.size(), 100U) << line;
+    EXPECT_FALSE(EndsEarly(before, line)) << before << '\n' << line;
+  }
+  const std::string statuses = help.substr(help.find("\nExit codes:\n") + 13);
+  std::istringstream list(statuses.substr(0, statuses.find("\n\n")));
+  std::size_t count = 0;
+  for (std::string line; std::getline(list, line); ++count)
+    EXPECT_TRUE(line.starts_with("  ")) << line;
+  EXPECT_GE(count, 2U);
+}
+
 TEST_P(EveryProgram, EndsWithStatus1AfterAWrongCommandLine) {
   for (const std::vector<std::string>& arguments :
        {std::vector<std::string>{}, {"--nonsense"}, {"a", "b", "c", "d", "e", "f", "g"}}) {

@@ -1123,6 +1123,19 @@ TEST_F(BenchProgram, ACommissioningThatIsInterruptedLeavesAFileThatNothingElseUs
   EXPECT_EQ(again.exit_code, 0) << again.text;
 }
 
+TEST_F(BenchProgram, TellsWhichInertiaADrivesDampingTakesWhereItsLoopIsKnown) {
+  const auto told = [&](const std::string& drives) {
+    return testing::RunProgram({"tumbler-bench", "sim", "read", "--drives", drives}).text;
+  };
+  EXPECT_THAT(told(drives_), HasSubstr("(leg1): whether its kd of 5 N m s/rad is stable in the "
+                                       "drive's own loop, whose rate is not known (loop_hz)"));
+  testing::WriteFile(Path("fast.toml"),
+                     testing::ReplacedAll(testing::ReadFile(drives_), "temperature_max_c",
+                                          "loop_hz = 10000\ntemperature_max_c"));
+  EXPECT_THAT(told(Path("fast.toml")),
+              HasSubstr("in the drive's own loop of 10 kHz: above a least inertia of 0.00025 kg"));
+}
+
 TEST_F(BenchProgram, RefusesWhatWouldExceedItsBounds) {
   for (const std::vector<std::string>& options :
        std::vector<std::vector<std::string>>{{"jog", "leg1", "--by", "0.2"},

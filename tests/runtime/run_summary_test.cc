@@ -67,9 +67,34 @@ TEST(Passage, WhatTheRunsEndLeftUnjudgedIsNotSaidToBeWhereItShouldBe) {
   summary.passages[1].purpose = {Pitch(1.57), Rest(std::nullopt)};
   EXPECT_TRUE(summary.passages[1].unjudged());
   const std::string text = ToText(summary);
-  EXPECT_THAT(text, HasSubstr("the robot where it should be after each but 1, which the run's end "
-                              "left unjudged\n"));
+  EXPECT_THAT(text, HasSubstr("the robot where it should be after each but 1, NOT JUDGED\n"));
   EXPECT_THAT(text, HasSubstr("speed of the root, 2 s later: not judged, the run ended before\n"));
+  EXPECT_EQ(AsAsked(summary), std::nullopt);
+  EXPECT_EQ(StatusOf(summary), ExitStatus::kAmiss);
+  EXPECT_TRUE(Json::Parse(ToJson(summary)).value()["as_asked"].is_null());
+  summary.passages[1].purpose[1].result = 0.01;
+  EXPECT_EQ(AsAsked(summary), true);
+  EXPECT_EQ(StatusOf(summary), ExitStatus::kDone);
+  summary.passages[0].purpose[1].result = 0.4;
+  EXPECT_EQ(AsAsked(summary), false);
+}
+
+TEST(Passage, OfAFixedRootOnlyThePurposeIsJudgedAndNothingWhereThereIsNone) {
+  RunSummary summary = SummaryOf({});
+  Passage& passage = summary.passages[0];
+  passage.free_root = false;
+  passage.pitch_later_rad = 0;
+  EXPECT_EQ(passage.as_planned(), std::nullopt);
+  EXPECT_EQ(passage.as_asked(), std::nullopt);
+  EXPECT_THAT(ToText(summary), HasSubstr("root fixed: NOT JUDGED\n    its task asks for nothing"));
+  EXPECT_EQ(AsAsked(summary), std::nullopt);
+  EXPECT_EQ(StatusOf(summary), ExitStatus::kDone) << "nothing was asked";
+  passage.purpose = {{{PurposeTarget::Of::kPointZ, PurposeTarget::When::kEnd, 0.3, 0.02}, 0.29}};
+  EXPECT_THAT(ToText(summary), HasSubstr("root fixed: as asked\n    point_z"));
+  EXPECT_EQ(AsAsked(summary), true);
+  passage.purpose[0].result = 0.2;
+  EXPECT_THAT(ToText(summary), HasSubstr("root fixed: NOT as asked\n"));
+  EXPECT_EQ(StatusOf(summary), ExitStatus::kAmiss);
 }
 
 TEST(Passage, TheFirstThatAreAmissAreNamedWithWhatFollowedThem) {

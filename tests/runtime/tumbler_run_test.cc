@@ -22,6 +22,7 @@
 namespace tumbler {
 namespace {
 
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using testing::Outcome;
@@ -226,7 +227,8 @@ TEST_F(TumblerRun, SaysWhatCtrlCDoesInTheHoldAtTheEndAndNeverLosesOne) {
         << run.text();
     std::this_thread::sleep_for(std::chrono::milliseconds(700));
     run.Signal(SIGINT);
-    EXPECT_EQ(run.Wait(), 0) << run.text();
+    // Whether the robot could be judged by then is a matter of time.
+    EXPECT_THAT(run.Wait(), AnyOf(0, 4)) << run.text();
     EXPECT_THAT(run.text(), HasSubstr("completed"));
   });
 }
@@ -239,7 +241,7 @@ TEST_F(TumblerRun, HoldsTheRobotAlsoWhenNobodyReadsWhatItSays) {
     // What the program says when the hold begins finds nobody who reads.
     const std::string said = Path("said");
     const Outcome outcome =
-        testing::RunInShell("rm -f " + said + "; mkfifo " + said + "; head -n 1 " + said +
+        testing::RunInShell("rm -f " + said + "; mkfifo " + said + "; head -n 3 " + said +
                             " >/dev/null & tumbler-run sim " +
                             testing::SourcePath("primitives/nominal/handstand.toml") +
                             " --drives " + Path("drives.toml") + " --realtime --hold-s 0 --json " +

@@ -162,6 +162,15 @@ Json RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
     json["joints"].Append(
         {{"position_rad", position}, {"velocity_rad_s", velocity}, {"torque_nm", torque}});
   }
+  for (std::size_t i = 0; i < run.passive_names.size(); ++i) {
+    // A truth that was made before there were such joints in it does not tell.
+    const auto tells = [](const ReportSample& s) { return !s.passive_positions_rad.empty(); };
+    if (!std::ranges::all_of(shown, tells)) break;
+    Json position = Json::Array();
+    for (const ReportSample& sample : shown)
+      position.Append(rounded(sample.passive_positions_rad[i]));
+    json["passive"].Append({{"name", run.passive_names[i]}, {"position_rad", position}});
+  }
   return json;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "common/index.h"
 #include "offline/chain/chain.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/motion_report/shown_scene.h"
@@ -24,11 +25,15 @@ struct RobotPaths::Implementation {
       : motion(motion_in),
         problem(motion.ProblemOf(0)),
         scene(ReportScene(problem)),
-        dynamics(problem.scene.robot.tree) {}
+        dynamics(problem.scene.robot.tree) {
+    for (const PassiveJoint& joint : problem.scene.robot.passive)
+      passive_names.push_back(problem.scene.robot.tree.dofs[Index(joint.dof)].name);
+  }
 
   SimulatedMotion motion;
   const Problem& problem;
   ReportData scene;
+  std::vector<std::string> passive_names;
   HybridDynamics<Plane> dynamics;
   std::map<int, std::vector<ReportSample>> plans;
 };
@@ -40,8 +45,12 @@ RobotPaths::RobotPaths(RobotPaths&&) noexcept = default;
 
 const ReportData& RobotPaths::scene() const { return implementation_->scene; }
 
-ReportSample RobotPaths::Pose(const std::array<double, 3>& root,
-                              std::span<const double> joints_rad) {
+const std::vector<std::string>& RobotPaths::passive_names() const {
+  return implementation_->passive_names;
+}
+
+ReportSample RobotPaths::Pose(const std::array<double, 3>& root, std::span<const double> joints_rad,
+                              std::span<const double> passive_rad) {
   Implementation& m = *implementation_;
   MotionSample sample;
   sample.q = m.problem.start_q;
@@ -51,10 +60,14 @@ ReportSample RobotPaths::Pose(const std::array<double, 3>& root,
   for (std::size_t j = 0; j < robot.joint_count(); ++j) {
     sample.q[robot.DofOfJoint(j)] = joints_rad[j];
   }
+  for (std::size_t i = 0; i < passive_rad.size() && i < robot.passive.size(); ++i)
+    sample.q[Index(robot.passive[i].dof)] = passive_rad[i];
   sample.torque.assign(m.problem.joints.size(), 0);
   m.dynamics.SetState(sample.q, sample.qd);
   sample.dynamics = &m.dynamics;
-  return ShownSample(m.problem, sample);
+  ReportSample shown = ShownSample(m.problem, sample);
+  if (passive_rad.empty()) shown.passive_positions_rad.clear();
+  return shown;
 }
 
 const std::vector<ReportSample>& RobotPaths::PlanOf(int node) {
@@ -92,6 +105,7 @@ ReportSample RobotPaths::PlanAt(int node, double time_s) {
     }
   }
   sample.joint_positions_rad = Between(a.joint_positions_rad, b.joint_positions_rad, share);
+  sample.passive_positions_rad = Between(a.passive_positions_rad, b.passive_positions_rad, share);
   sample.joint_velocities_rad_s =
       Between(a.joint_velocities_rad_s, b.joint_velocities_rad_s, share);
   sample.joint_torques_nm = Between(a.joint_torques_nm, b.joint_torques_nm, share);

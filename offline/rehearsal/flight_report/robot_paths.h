@@ -3,6 +3,7 @@
 #include <array>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "common/sequence_toml.h"
@@ -22,8 +23,14 @@ class RobotPaths {
   /// The links, joints, limits and the ground, without samples.
   [[nodiscard]] const ReportData& scene() const;
 
-  /// The robot at these positions: x, z and pitch of the root, and the joints in the scene's order.
-  ReportSample Pose(const std::array<double, 3>& root, std::span<const double> joints_rad);
+  /// The joints without a motor.
+  [[nodiscard]] const std::vector<std::string>& passive_names() const;
+
+  /// The robot at these positions: x, z and pitch of the root, the joints in the scene's order, and
+  /// those without a motor.
+  /// @param passive_rad  empty: not known, and drawn as at the start.
+  ReportSample Pose(const std::array<double, 3>& root, std::span<const double> joints_rad,
+                    std::span<const double> passive_rad);
 
   /// The plan of a node, at every step. Its primitive is played alone in the nominal simulation,
   /// from its entry at time 0, and held for 2 s after its end. Where the node exchanges the roles

@@ -80,6 +80,7 @@ struct RunData {
   std::vector<ReportSample> plan;
   /// The true motion of the simulated robot; empty where it is not known.
   std::vector<ReportSample> truth;
+  std::vector<std::string> passive_names;  ///< Of the joints without a motor, in samples' order.
 
   [[nodiscard]] std::size_t joint_count() const { return scene.joint_names.size(); }
   [[nodiscard]] const JointRecord& joint(std::size_t tick, std::size_t joint) const {

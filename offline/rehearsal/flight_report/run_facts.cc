@@ -40,9 +40,11 @@ void DescribeJoint(RunData& run, std::size_t j) {
   AddFact(run, name + ": oldest reply", fmt::format("{} ticks", age));
 }
 
-void DescribeTruth(RunData& run) {
-  if (run.truth.empty()) return;
-  double pitch = 0, pitch_s = 0;
+/// Adds how far an angle of the true robot is off the plan, in motion.
+/// @param of  takes the angle from a sample.
+template <typename Of>
+void DescribeTrueAngle(RunData& run, const std::string& name, const Of& of) {
+  double most = 0, most_s = 0;
   std::size_t k = 0;
   for (const ReportSample& truth : run.truth) {
     while (k + 1 < run.plan.size() && run.plan[k + 1].time_s <= truth.time_s) ++k;
@@ -50,14 +52,30 @@ void DescribeTruth(RunData& run) {
         std::any_of(run.bands.begin(), run.bands.end(), [&truth](const RunBand& band) {
           return truth.time_s >= band.from_s && truth.time_s <= band.to_s;
         });
-    const double apart = std::abs(truth.root_pitch_rad - run.plan[k].root_pitch_rad);
-    if (playing && apart > pitch) {
-      pitch = apart;
-      pitch_s = truth.time_s;
+    const double apart = std::abs(of(truth) - of(run.plan[k]));
+    if (playing && apart > most) {
+      most = apart;
+      most_s = truth.time_s;
     }
   }
-  AddFact(run, "true root pitch off the plan by at most",
-          fmt::format("{:.4f} rad at {:.3f} s, in motion", pitch, pitch_s));
+  AddFact(run, fmt::format("true {} off the plan by at most", name),
+          fmt::format("{:.4f} rad at {:.3f} s, in motion", most, most_s));
+}
+
+void DescribeTruth(RunData& run) {
+  if (run.truth.empty()) return;
+  // A fixed root is never off anything.
+  const auto turns = [](const ReportSample& sample) { return sample.root_pitch_rad != 0; };
+  if (std::ranges::any_of(run.truth, turns) || std::ranges::any_of(run.plan, turns))
+    DescribeTrueAngle(run, "root pitch", [](const auto& sample) { return sample.root_pitch_rad; });
+  const auto tells = [](const ReportSample& sample) {
+    return !sample.passive_positions_rad.empty();
+  };
+  if (!std::ranges::all_of(run.truth, tells)) return;
+  for (std::size_t i = 0; i < run.passive_names.size(); ++i) {
+    DescribeTrueAngle(run, run.passive_names[i],
+                      [i](const auto& sample) { return sample.passive_positions_rad[i]; });
+  }
 }
 
 }  // namespace

@@ -123,11 +123,15 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
   const SimulatedMotion simulated(motion);
   const Problem& problem = simulated.ProblemOf(0);
   const bool fixed = problem.scene.robot.root_dofs == 0;
-  const Robot robot =
-      ParseRobot(motion.primitives.front().provenance.robot_urdf,
-                 motion.primitives.front().provenance.robot_file, problem.scene.robot.root);
+  const Robot robot = ParseRobot(motion.primitives.front().provenance.robot_urdf,
+                                 motion.primitives.front().provenance.robot_file,
+                                 problem.scene.robot.root, PositionsOf(problem.scene.robot.locked));
   RobotPicture picture;
   picture.fixed_root = fixed;
+  for (const PassiveJoint& joint : problem.scene.robot.passive) {
+    picture.passive.push_back(
+        problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+  }
   PictureLink root;
   root.name = robot.links.front().name;
   picture.links.push_back(std::move(root));
@@ -138,7 +142,12 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
     link.name = robot.joints[static_cast<std::size_t>(body)].link;
     link.parent = dof.parent - root_body;
     const auto joint = std::find(joints.begin(), joints.end(), dof.name);
-    link.joint = joint == joints.end() ? -1 : static_cast<int>(joint - joints.begin());
+    const auto passive = std::ranges::find(picture.passive, dof.name);
+    link.joint =
+        joint != joints.end() ? static_cast<int>(joint - joints.begin())
+        : passive != picture.passive.end()
+            ? static_cast<int>(joints.size()) + static_cast<int>(passive - picture.passive.begin())
+            : -1;
     link.slides = dof.kind == JointKind::kPrismatic;
     link.axis = ToArray(link.slides ? dof.direction : dof.axis);
     link.offset = ToArray(dof.offset);
@@ -191,9 +200,11 @@ std::vector<PlannedInstant> PlanOf(const RunData& run, const RobotPicture& robot
   }
   for (const ReportSample& sample : run.plan) {
     const double since_s = sample.time_s - run.ticks.front().time_s;
-    plan.push_back({first_ns + std::llround(since_s * 1e9),
-                    RootOf(robot, link, sample.link_poses.front(), sample.joint_positions_rad),
-                    sample.joint_positions_rad});
+    std::vector<double> joints = sample.joint_positions_rad;
+    joints.insert(joints.end(), sample.passive_positions_rad.begin(),
+                  sample.passive_positions_rad.end());
+    const PictureRoot root = RootOf(robot, link, sample.link_poses.front(), joints);
+    plan.push_back({first_ns + std::llround(since_s * 1e9), root, std::move(joints)});
   }
   return plan;
 }

@@ -81,6 +81,7 @@ RunData ReadPlan(const std::string& path) {
   RunData run;
   run.name = path;
   run.scene = paths.scene();
+  run.passive_names = paths.passive_names();
   run.robot_hash = file.provenance.robot_hash;
   for (const ReportSample& step : paths.PlanOf(motion.graph.start)) {
     const bool last = &step == &paths.PlanOf(motion.graph.start).back();

@@ -36,6 +36,7 @@ class RunReader {
     run_.name = record.name();
     run_.recorded = true;
     run_.scene = paths_.scene();
+    run_.passive_names = paths_.passive_names();
     run_.robot_hash = motion_.primitives.front().provenance.robot_hash;
     run_.period_s = Seconds(configuration_.period_ns);
     if (run_.scene.joint_names != configuration_.joints) {
@@ -191,8 +192,8 @@ class RunReader {
         velocity.push_back(joint->velocity_rad_s);
         torque.push_back(joint->torque_nm);
       }
-      ReportSample sample =
-          paths_.Pose({truth.root_x_m, truth.root_z_m, truth.root_pitch_rad}, position);
+      ReportSample sample = paths_.Pose({truth.root_x_m, truth.root_z_m, truth.root_pitch_rad},
+                                        position, PassiveOf(truth, paths_.passive_names()));
       sample.time_s = t;
       sample.joint_velocities_rad_s = velocity;
       sample.joint_torques_nm = torque;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <fstream>
 #include <stdexcept>
@@ -14,6 +15,16 @@
 #include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
+
+std::vector<double> PassiveOf(const truth_t& truth, const std::vector<std::string>& names) {
+  std::vector<double> positions;
+  for (const std::string& name : names) {
+    const auto joint = std::ranges::find(truth.joints, name, &joint_truth_t::name);
+    if (joint == truth.joints.end()) return {};
+    positions.push_back(joint->position_rad);
+  }
+  return positions;
+}
 
 std::vector<LoggedTruth> ReadTruthLog(const std::string& path) {
   const auto fail = [&path](const std::string& problem) {

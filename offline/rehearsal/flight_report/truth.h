@@ -19,4 +19,8 @@ struct LoggedTruth {
 /// a damaged one.
 std::vector<LoggedTruth> ReadTruthLog(const std::string& path);
 
+/// The positions of joints without a motor, by their names. Empty where one of them is not told, as
+/// by truths that were made before they had such joints.
+std::vector<double> PassiveOf(const truth_t& truth, const std::vector<std::string>& names);
+
 }  // namespace tumbler

@@ -54,7 +54,7 @@ struct SimulatedRun {
   std::shared_ptr<LoadedRecord> record;
   std::string outcome;
   std::string reason;
-  bool as_asked = false;
+  std::optional<bool> as_asked;
   std::string json;
 };
 
@@ -90,9 +90,7 @@ SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {
       run.record = std::make_shared<LoadedRecord>(LoadRecord(plan.record));
       run.outcome = ToString(summary.outcome);
       run.reason = summary.reason;
-      run.as_asked = StatusOf(summary) == ExitStatus::kDone && summary.left_out.unjudged == 0 &&
-                     std::none_of(summary.passages.begin(), summary.passages.end(),
-                                  std::mem_fn(&Passage::unjudged));
+      run.as_asked = AsAsked(summary);
       run.json = ToJson(summary);
       return run;
     });
@@ -106,8 +104,8 @@ void BindSimulate(py::module_& module) {
                     "'completed', or how it ended otherwise: 'fault', 'refused'.")
       .def_readonly("reason", &SimulatedRun::reason, "Of a fault or a refusal; else empty.")
       .def_readonly("as_asked", &SimulatedRun::as_asked,
-                    "Whether it was completed, and the robot did what the motions are for; a run\n"
-                    "that ended before that could be judged is not as asked.")
+                    "Whether it was completed, and the robot did what the motions are for; None\n"
+                    "where that was not judged: the run ended before, or they are for nothing.")
       .def_property_readonly(
           "summary",
           [](const SimulatedRun& self) {
@@ -243,7 +241,8 @@ void BindRobustnessMap(py::module_& module) {
   py::class_<RobustnessMap>(module, "RobustnessMap",
                             "What became of robots that are not the model, one in each row.")
       .def_property_readonly("verdicts", &Verdicts,
-                             "'stands', 'amiss', 'fell', 'overlap' or 'fault' of each robot.")
+                             "'stands', 'amiss', 'fell', 'overlap', 'fault', 'got up' or\n"
+                             "'not judged' of each robot.")
       .def_property_readonly(
           "stands",
           [](const RobustnessMap& self) {
@@ -251,6 +250,13 @@ void BindRobustnessMap(py::module_& module) {
                 .view("bool");
           },
           "Whether each robot did everything as asked.")
+      .def_property_readonly(
+          "judged",
+          [](const RobustnessMap& self) {
+            return OfEachRobot<std::uint8_t>(self, [](const auto& t) { return t.judged(); })
+                .view("bool");
+          },
+          "Whether that was judged of each robot.")
       .def_property_readonly(
           "reasons",
           [](const RobustnessMap& self) {
@@ -279,8 +285,12 @@ void BindRobustnessMap(py::module_& module) {
           },
           "By how much each robot differs in each parameter [standard deviations].")
       .def_property_readonly(
-          "share", [](const RobustnessMap& self) { return self.result.stands().value(); },
-          "Of the robots that stand.")
+          "share",
+          [](const RobustnessMap& self) {
+            const Share share = self.result.stands();
+            return share.of == 0 ? std::numeric_limits<double>::quiet_NaN() : share.value();
+          },
+          "Of the robots that stand, among those that were judged; NaN: none was.")
       .def_property_readonly(
           "share_95",
           [](const RobustnessMap& self) {
@@ -298,7 +308,7 @@ void BindRobustnessMap(py::module_& module) {
       .def("__repr__", [](const RobustnessMap& self) {
         const Share share = self.result.stands();
         return "<tumbler.RobustnessMap " + std::to_string(share.count) + " of " +
-               std::to_string(share.of) + " stand>";
+               std::to_string(share.of) + " that were judged stand>";
       });
 }
 

@@ -94,6 +94,8 @@ std::vector<std::string> Certify(const RobustnessResult& result) {
                     "again",
                     result.study.motion));
   }
+  if (const std::string not_judged = NotJudgedText(result); !not_judged.empty())
+    throw Refused(fmt::format("{}: {}; nothing was written", result.study.motion, not_judged));
   const RobustnessFigure figure = FigureOf(result);
   std::vector<std::string> inputs, written;
   const SequenceFile motion = LoadMotion(result.study.motion, NotingReader(inputs));

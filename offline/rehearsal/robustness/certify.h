@@ -23,7 +23,8 @@ void PutFigure(const RobustnessFigure& figure, std::vector<RobustnessFigure>& fi
 /// that it plays: not those of branches and of beginnings of robots that lie. All are ready before
 /// the first is replaced. @returns their paths.
 /// @throws FileError  when a file cannot be read or written.
-/// @throws Refused    when a file of the study was changed since it began.
+/// @throws Refused    when a file of the study was changed since it began, or robots were not
+///                    judged.
 /// @pre the study has no twin file: a figure has no place for it.
 std::vector<std::string> Certify(const RobustnessResult& result);
 

@@ -62,7 +62,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
 
 WorkFile::Work CheckpointOf(const std::string& identity) {
   return {.format = "tumbler-robots",
-          .version = 3,  // 2 judged settled robots earlier
+          .version = 4,  // 3 left out points and what is asked for in the motion
           .identity = identity,
           .program = "tumbler-robustness",
           .differs =

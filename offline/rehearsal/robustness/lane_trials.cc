@@ -25,7 +25,7 @@ constexpr int kStepsOnBar = 40;
 struct Judged {
   Judged(const SequenceFile& file, const PostureConfig& config, const PrimitivePose& start,
          const Scene& scene)
-      : purpose(file, true, scene.robot.hinged()),
+      : purpose(file, scene.robot),
         posture(file, config, start),
         distances(scene.robot, scene.self_contact.pairs),
         q(scene.robot.joint_count() + 3) {
@@ -185,6 +185,7 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
     const ScriptTick& tick = script.ticks[k];
     record.state = tick.state;
     record.node = tick.node;
+    record.primitive_time_s = tick.primitive_time_s;
     bool any = false;
     for (std::size_t lane = 0; lane < judged.size(); ++lane) {
       if (judged[lane].over) continue;

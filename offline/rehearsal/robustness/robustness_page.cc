@@ -59,6 +59,8 @@ const char* ColourOf(Verdict verdict) {
       return "#1c2330";
     case Verdict::kGotUp:
       return "#35a06a";
+    case Verdict::kNotJudged:
+      return "#9aa3b2";
   }
   return "#000";
 }
@@ -77,6 +79,8 @@ const char* Meaning(Verdict verdict) {
       return "the run ended in a fault";
     case Verdict::kGotUp:
       return "fell, got up, and was as asked after the last motion";
+    case Verdict::kNotJudged:
+      return "not looked at, and in no share";
   }
   return "";
 }
@@ -113,7 +117,7 @@ std::string Where(const RobustnessResult& result) {
         "x2=\"{:.0f}\" y1=\"{:.0f}\" y2=\"{:.0f}\" stroke=\"#c8cfda\"/>\n",
         y + 16, Escaped(d.in), d.left, d.others, kLeft + 30, kLeft + 30 + kWidth, y + 24, y + 24);
     for (const TrialOutcome& trial : result.trials) {
-      if (trial.stands() || trial.left_s < 0 || trial.in != d.in) continue;
+      if (!trial.fails() || trial.left_s < 0 || trial.in != d.in) continue;
       const double x = kLeft + 30 + kWidth * trial.left_s / last_s;
       text += fmt::format(
           "<line x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1:.0f}\" y2=\"{2:.0f}\" stroke=\"{3}\" "
@@ -187,7 +191,7 @@ std::string Map(const RobustnessResult& result, const std::vector<Influence>& in
   };
   for (const bool standing : {true, false}) {  // the others above those that stand
     for (const TrialOutcome& trial : result.trials) {
-      if (trial.stands() != standing) continue;
+      if (!trial.judged() || trial.stands() != standing) continue;
       const auto& deviates = trial.variation.deviates;
       text +=
           fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" opacity=\"{}\"/>",
@@ -238,11 +242,20 @@ std::string RobustnessPage(const RobustnessResult& result) {
   const Share share = result.stands();
   const std::string title = Escaped(result.name) + ": robots that are not the model";
   std::string page = fmt::format(fmt::runtime(kHead), title);
-  page += fmt::format(
-      "<h1>{}</h1>\n<p class=share>{:.1f} %</p>\n<p>{} of {} robots are as asked after every "
-      "motion; the interval at 95 % is {:.1f} to {:.1f} %.</p>\n",
-      title, 100 * share.value(), share.count, share.of, 100 * share.low, 100 * share.high);
-  if (result.study.run.get_ups > 0) {
+  page += fmt::format("<h1>{}</h1>\n", title);
+  if (share.of == 0) {
+    page += "<p class=share>not judged</p>\n";
+  } else {
+    page += fmt::format(
+        "<p class=share>{:.1f} %</p>\n<p>{} of {} robots{} are as asked after every motion; the "
+        "interval at 95 % is {:.1f} to {:.1f} %.</p>\n",
+        100 * share.value(), share.count, share.of,
+        share.of == static_cast<int>(result.trials.size()) ? "" : " that were judged",
+        100 * share.low, 100 * share.high);
+  }
+  if (const std::string not_judged = NotJudgedText(result); !not_judged.empty())
+    page += fmt::format("<p>{}.</p>\n", Escaped(not_judged));
+  if (result.study.run.get_ups > 0 && share.of > 0) {
     const Share ends = result.ends();
     page += fmt::format(
         "<p>{} are as asked in the end, those that got up among them: {:.1f} %; the interval is "

@@ -43,7 +43,8 @@ inline constexpr std::array<SpreadName, 14> kSpreadNames = {{
 
 /// All verdicts, in the order in which they are reported.
 inline constexpr std::array kVerdicts = {
-    TrialOutcome::Verdict::kStands,  TrialOutcome::Verdict::kAmiss, TrialOutcome::Verdict::kFell,
-    TrialOutcome::Verdict::kOverlap, TrialOutcome::Verdict::kFault, TrialOutcome::Verdict::kGotUp};
+    TrialOutcome::Verdict::kStands,   TrialOutcome::Verdict::kAmiss, TrialOutcome::Verdict::kFell,
+    TrialOutcome::Verdict::kOverlap,  TrialOutcome::Verdict::kFault, TrialOutcome::Verdict::kGotUp,
+    TrialOutcome::Verdict::kNotJudged};
 
 }  // namespace tumbler

@@ -122,12 +122,14 @@ int RobustnessResult::Count(Verdict verdict) const {
                     [&](const TrialOutcome& trial) { return trial.verdict == verdict; }));
 }
 
-Share RobustnessResult::stands() const {
-  return ShareOf(Count(Verdict::kStands), static_cast<int>(trials.size()));
+int RobustnessResult::Judged() const {
+  return static_cast<int>(std::ranges::count_if(trials, &TrialOutcome::judged));
 }
 
+Share RobustnessResult::stands() const { return ShareOf(Count(Verdict::kStands), Judged()); }
+
 Share RobustnessResult::ends() const {
-  return ShareOf(Count(Verdict::kStands) + Count(Verdict::kGotUp), static_cast<int>(trials.size()));
+  return ShareOf(Count(Verdict::kStands) + Count(Verdict::kGotUp), Judged());
 }
 
 int RobustnessResult::AmissAtRest() const {
@@ -138,8 +140,8 @@ int RobustnessResult::AmissAtRest() const {
 
 std::vector<Influence> RobustnessResult::Influences() const {
   std::vector<Influence> influences;
-  const int failed = static_cast<int>(trials.size()) - Count(Verdict::kStands);
-  if (failed == 0 || failed == static_cast<int>(trials.size())) return influences;
+  const int judged = Judged(), failed = judged - Count(Verdict::kStands);
+  if (failed == 0 || failed == judged) return influences;
   const std::size_t quantities = trials.front().variation.deviates.size();
   for (std::size_t q = 0; q < quantities; ++q) {
     Influence influence;
@@ -147,13 +149,14 @@ std::vector<Influence> RobustnessResult::Influences() const {
     influence.deviate = q;
     double sum = 0, square = 0, all_square = 0;
     for (const TrialOutcome& trial : trials) {
+      if (!trial.judged()) continue;
       const double sigma = trial.variation.deviates[q].sigma;
       all_square += sigma * sigma;
-      if (trial.verdict == Verdict::kStands) continue;
+      if (trial.stands()) continue;
       sum += sigma;
       square += sigma * sigma;
     }
-    all_square /= static_cast<double>(trials.size());
+    all_square /= judged;
     influence.mean_sigma = sum / failed;
     influence.excess = square / failed / all_square - 1;
     influence.significance = std::max(std::abs(influence.mean_sigma) / std::sqrt(all_square) *
@@ -184,6 +187,7 @@ std::optional<SuccessMap> RobustnessResult::Map() const {
   map.y = influences[1].name;
   map.half_width = 2.1 * (study.scale > 0 ? study.scale : 1);
   for (const TrialOutcome& trial : trials) {
+    if (!trial.judged()) continue;
     const auto& deviates = trial.variation.deviates;
     SuccessMap::Cell& cell = map.cells[Index(map.CellOf(deviates[influences[1].deviate].sigma))]
                                       [Index(map.CellOf(deviates[influences[0].deviate].sigma))];
@@ -196,7 +200,7 @@ std::optional<SuccessMap> RobustnessResult::Map() const {
 std::vector<Departures> RobustnessResult::Where() const {
   std::map<std::string, std::pair<std::vector<double>, int>> nodes;
   for (const TrialOutcome& trial : trials) {
-    if (trial.stands()) continue;
+    if (!trial.fails()) continue;
     auto& [times, others] = nodes[trial.in.empty() ? "before the first" : trial.in];
     if (trial.left_s < 0) {
       ++others;
@@ -307,7 +311,7 @@ Agreement Compare(const RobustnessResult& first, const RobustnessResult& second)
   for (std::size_t i = 0; i < first.trials.size(); ++i) {
     const TrialOutcome& a = first.trials[i];
     const TrialOutcome& b = second.trials[i];
-    if (a.stands() == b.stands()) ++standing;
+    if (a.stands() == b.stands() && a.judged() == b.judged()) ++standing;
     if (a.verdict == b.verdict) {
       ++same;
     } else {
@@ -356,16 +360,43 @@ std::string DisturbancesOf(const RobustnessStudy& study) {
                                 : "");
 }
 
-std::string ToText(const RobustnessResult& result) {
+std::string NotJudgedText(const RobustnessResult& result) {
+  std::map<std::string, int> reasons;
+  for (const TrialOutcome& trial : result.trials) {
+    if (!trial.judged()) ++reasons[trial.reason];
+  }
+  std::string text;
+  for (const auto& [reason, count] : reasons) {
+    text += fmt::format("{}{} robot{} not judged: {}", text.empty() ? "" : "; ", count,
+                        count == 1 ? " was" : "s were", reason);
+  }
+  return text;
+}
+
+namespace {
+
+/// The share in words, or that there is none.
+std::string ShareText(const RobustnessResult& result) {
   const Share share = result.stands();
-  std::string text = fmt::format(
-      "{}: {} of {} robots are as asked after every motion: {}\n"
-      "  {}spreads times {:.6g}, seed {}{}{}\n",
-      result.name, share.count, share.of, ToText(share), result.study.lanes ? "in lanes, " : "",
+  if (share.of == 0)
+    return fmt::format("{}: none of {} robots was judged\n", result.name, result.trials.size());
+  const bool all = Index(share.of) == result.trials.size();
+  return fmt::format("{}: {} of {} robots{} are as asked after every motion: {}\n", result.name,
+                     share.count, share.of, all ? "" : " that were judged", ToText(share));
+}
+
+}  // namespace
+
+std::string ToText(const RobustnessResult& result) {
+  std::string text = ShareText(result);
+  if (const std::string not_judged = NotJudgedText(result); !not_judged.empty())
+    text += fmt::format("  {}\n", not_judged);
+  text += fmt::format(
+      "  {}spreads times {:.6g}, seed {}{}{}\n", result.study.lanes ? "in lanes, " : "",
       result.study.scale, result.study.seed,
       result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "",
       DisturbancesOf(result.study));
-  if (result.study.run.get_ups > 0) {
+  if (result.study.run.get_ups > 0 && result.Judged() > 0) {
     const Share ends = result.ends();
     text += fmt::format("  {} are as asked in the end, those that got up among them: {}\n",
                         ends.count, ToText(ends));
@@ -403,7 +434,7 @@ std::string ToText(const RobustnessResult& result) {
   if (result.study.drops) {
     std::map<std::string, int> reasons;
     for (const TrialOutcome& trial : result.trials) {
-      if (!trial.stands()) ++reasons[trial.reason];
+      if (trial.fails()) ++reasons[trial.reason];
     }
     for (const auto& [reason, count] : reasons) text += fmt::format("    {:4} {}\n", count, reason);
     int most = 0, drops = 0;
@@ -414,7 +445,7 @@ std::string ToText(const RobustnessResult& result) {
     text += fmt::format(
         "  at most {} motion{}; {} drops, of which {} ended with links in each other and do not "
         "count\n",
-        most, most == 1 ? "" : "s", drops, drops - share.of);
+        most, most == 1 ? "" : "s", drops, drops - static_cast<int>(result.trials.size()));
   }
   const std::vector<Influence> influences = result.Influences();
   if (influences.empty()) return text;
@@ -442,9 +473,10 @@ Json ToJson(const RobustnessResult& result) {
                {"sensor_faults", result.study.sensor_faults},
                {"drops", result.study.drops},
                {"get_ups", result.study.run.get_ups},
-               {"robots", share.of},
+               {"robots", result.trials.size()},
+               {"judged", share.of},
                {"as_asked", share.count},
-               {"share", share.value()},
+               {"share", share.of == 0 ? Json() : Json(share.value())},
                {"share_95_low", share.low},
                {"share_95_high", share.high}};
   Json& spread_values = json["spreads"];
@@ -479,7 +511,7 @@ Json ToJson(const RobustnessResult& result) {
   failures = Json::Array();
   for (std::size_t i = 0; i < result.trials.size(); ++i) {
     const TrialOutcome& trial = result.trials[i];
-    if (trial.verdict == Verdict::kStands) continue;
+    if (!trial.fails()) continue;
     Json robot = {{"index", i},
                   {"verdict", ToString(trial.verdict)},
                   {"motions", trial.motions},
@@ -488,6 +520,13 @@ Json ToJson(const RobustnessResult& result) {
                   {"left_s", trial.left_s}};
     for (const auto& [name, sigma] : trial.variation.deviates) robot["sigma"][name] = sigma;
     failures.Append(std::move(robot));
+  }
+  Json& not_judged = json["not_judged"];
+  not_judged = Json::Array();
+  for (std::size_t i = 0; i < result.trials.size(); ++i) {
+    const TrialOutcome& trial = result.trials[i];
+    if (trial.judged()) continue;
+    not_judged.Append({{"index", i}, {"in", trial.in}, {"reason", trial.reason}});
   }
   return json;
 }

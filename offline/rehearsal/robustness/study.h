@@ -71,6 +71,8 @@ struct RobustnessResult {
   std::vector<TrialOutcome> trials;  ///< In the order of their numbers.
 
   [[nodiscard]] int Count(TrialOutcome::Verdict verdict) const;
+  /// How many of them were judged, of which all shares are.
+  [[nodiscard]] int Judged() const;
   [[nodiscard]] Share stands() const;
   /// How many are as asked in the end: after every motion, or after a fall from which they got up.
   [[nodiscard]] Share ends() const;
@@ -118,8 +120,8 @@ RobustnessResult RunStudy(const RobustnessStudy& study, int count, int threads);
 
 /// Two studies that differ in how robots are played, robot by robot.
 struct Agreement {
-  Share standing;       ///< Both stand, or both do not.
-  Share same_verdicts;  ///< Of the five.
+  Share standing;       ///< Both stand, both do not, or neither was judged.
+  Share same_verdicts;  ///< Of all.
   struct Difference {
     std::size_t index;
     TrialOutcome::Verdict first, second;
@@ -134,6 +136,10 @@ std::string UnitOfDepartures(const RobustnessStudy& study);
 
 /// What happens to a study's robots, in words behind others; empty where nothing does.
 std::string DisturbancesOf(const RobustnessStudy& study);
+
+/// Why robots were not judged, and how many: "40 robots were not judged: its task ..."; empty where
+/// all were.
+std::string NotJudgedText(const RobustnessResult& result);
 
 /// For people: several lines, ending with a line feed.
 std::string ToText(const RobustnessResult& result);

@@ -53,7 +53,17 @@ bool EndsAsAsked(const PurposeJudge& judge, const PostureWatch& posture) {
   return !overlapped && !posture.fallen() && !last.amiss() && !last.unjudged();
 }
 
-constexpr const char* kUnjudged = "the run ended before it could be judged";
+constexpr const char* kTooShort = "the run ended before it could be judged";
+
+/// Why a passage, or that none of them, was not judged.
+std::string WhyNotJudged(const Passage& passage) {
+  if (passage.purpose.empty() && (!passage.free_root || passage.swings_on))
+    return "its task asks for nothing that a run could meet or miss";
+  for (const JudgedTarget& judged : passage.purpose) {
+    if (!judged.obstacle.empty()) return judged.name() + ": " + judged.obstacle;
+  }
+  return kTooShort;
+}
 
 /// Notes how a robot that was dropped lies before its run, and with which node it begins.
 class LieWatch {
@@ -106,12 +116,16 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
     }
     break;
   }
-  // What nobody looked at is not as asked.
+  // What nobody looked at is neither as asked nor amiss.
+  if (judge.passages().empty()) {
+    outcome.verdict = TrialOutcome::Verdict::kNotJudged;
+    outcome.reason = kTooShort;
+  }
   for (const Passage& passage : judge.passages()) {
     if (!outcome.stands() || !passage.unjudged()) continue;
-    outcome.verdict = TrialOutcome::Verdict::kAmiss;
+    outcome.verdict = TrialOutcome::Verdict::kNotJudged;
     outcome.in = passage.node;
-    outcome.reason = kUnjudged;
+    outcome.reason = WhyNotJudged(passage);
   }
   for (const PostureEvent& event : posture.events()) {
     if (event.kind == PostureEvent::Kind::kRest || event.time_ns < since_ns) continue;
@@ -122,7 +136,7 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
     break;
   }
   outcome.rests = posture.resting_as().rfind("as after ", 0) == 0;
-  if (!outcome.stands() && departure.node() >= 0) {
+  if (outcome.fails() && departure.node() >= 0) {
     outcome.in = std::string(file.graph.node(departure.node()).name.view());
     outcome.left_s = tick_s * static_cast<double>(departure.ticks());
   }
@@ -239,6 +253,7 @@ void Trials::PlayModel() {
     ScriptTick& tick = script.ticks.emplace_back();
     tick.state = record.state;
     tick.node = record.node;
+    tick.primitive_time_s = record.primitive_time_s;
     tick.held = truth.held;
     tick.pitch_rad = truth.root_pitch_rad;
     for (std::size_t j = 0; j < record.joint_count; ++j)
@@ -253,12 +268,12 @@ void Trials::PlayModel() {
     }
   };
   const std::optional<TrialOutcome> outcome = PlayVaried(model, robot(), write);
-  if (study_.push_n != 0 && !outcome->stands() && outcome->reason != kUnjudged) {
+  if (study_.push_n != 0 && outcome->fails()) {
     throw Refused(fmt::format(
         "{}: the model itself is not as asked, so there is no hold to push robots in: {}",
         study_.motion, outcome->reason));
   }
-  if (outcome->reason == kUnjudged) {
+  if (!outcome->judged() && outcome->reason == kTooShort) {
     throw Refused(
         fmt::format("{}: ends {:.6g} s after the last motion has settled, before a robot "
                     "can be judged, which is {:.6g} s after the motion; take a longer "
@@ -288,7 +303,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   SimulatedRobot& robot = run.robot();
   RunProcedure& procedure = run.procedure();
   const ControlLoop& loop = run.loop();
-  PurposeJudge judge(motion_.file(), scene().robot.root_dofs > 0, scene().robot.hinged());
+  PurposeJudge judge(motion_.file(), varied.robot);
   DepartureWatch departure;
   if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
   LieWatch lie;
@@ -361,6 +376,8 @@ const char* ToString(TrialOutcome::Verdict verdict) {
       return "fault";
     case TrialOutcome::Verdict::kGotUp:
       return "got up";
+    case TrialOutcome::Verdict::kNotJudged:
+      return "not judged";
   }
   return "?";
 }

@@ -54,6 +54,9 @@ struct TrialOutcome {
     kOverlap,  ///< Its own shapes overlapped.
     kFault,    ///< The run ended in a fault, or was refused.
     kGotUp,    ///< It fell, got up, and completed the run; after the last motion it was as asked.
+    /// It completed the motions, but whether it was as asked after one of them was not judged, and
+    /// it was not amiss after another: it counts neither as as asked nor as amiss.
+    kNotJudged,
   };
   Verdict verdict = Verdict::kStands;
   int motions = 0;     ///< Motions that ended.
@@ -72,12 +75,16 @@ struct TrialOutcome {
   RobotVariation variation;
 
   [[nodiscard]] bool stands() const { return verdict == Verdict::kStands; }
+  [[nodiscard]] bool judged() const { return verdict != Verdict::kNotJudged; }
+  /// Of one that was judged.
+  [[nodiscard]] bool fails() const { return judged() && !stands(); }
 };
 
 /// What a robot that is the model is told in one tick, and how it was then.
 struct ScriptTick {
   ExecutorState state = ExecutorState::kDisarmed;
   std::int8_t node = 0;
+  float primitive_time_s = 0;
   bool held = true;                      ///< Whether the twin still held the robot.
   double pitch_rad = 0;                  ///< Of the root.
   std::vector<JointSetpoint> setpoints;  ///< As encoded on the wire, for each joint.
@@ -159,7 +166,7 @@ class Trials {
   Script script_;
 };
 
-/// "stands", "amiss", "fell", "overlap", "fault" or "got up"
+/// "stands", "amiss", "fell", "overlap", "fault", "got up" or "not judged"
 [[nodiscard]] const char* ToString(TrialOutcome::Verdict verdict);
 
 }  // namespace tumbler

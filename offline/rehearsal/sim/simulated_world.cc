@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
+#include "offline/rehearsal/twin/damping_notes.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "offline/rehearsal/twin/truth_log.h"
 #include "offline/rehearsal/twin/twin_toml.h"
@@ -68,7 +70,7 @@ class SimulatedWorld final : public World {
       : robot_(motion, drives, RobotOf(motion, config)),
         fixed_(motion.scene().robot.root_dofs == 0),
         hinged_(motion.scene().robot.hinged()),
-        judge_(file, !fixed_, hinged_),
+        judge_(file, motion.scene().robot),
         host_(robot_.bus().Attach()),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
@@ -98,8 +100,10 @@ class SimulatedWorld final : public World {
       if (i < kSteps - 1000) continue;
       const TwinState state = robot_.state();
       swing_rad_s = std::max(swing_rad_s, std::abs(state.root_pitch_rate_rad_s));
-      for (const double rate : state.joint_velocities_rad_s)
-        joints_rad_s = std::max(joints_rad_s, std::abs(rate));
+      for (const std::vector<double>* rates :
+           {&state.joint_velocities_rad_s, &state.passive_velocities_rad_s}) {
+        for (const double rate : *rates) joints_rad_s = std::max(joints_rad_s, std::abs(rate));
+      }
     }
     const PostureWatch& posture = robot_.posture();
     if (robot_.state().held) return "stays, held as at the start";
@@ -137,6 +141,13 @@ Simulation MakeSimulation() {
   simulation.make_world = [](const SequenceFile& motion, const DrivesConfig& drives,
                              const SimulatedWorldConfig& config) {
     return std::make_unique<SimulatedWorld>(motion, drives, config);
+  };
+  simulation.damping_notes = [](const SequenceFile& file, const DrivesConfig& drives,
+                                const SimulatedWorldConfig* config) {
+    const SimulatedMotion motion(file);
+    std::optional<std::int64_t> step_ns;
+    if (config != nullptr) step_ns = RobotOf(motion, *config).twin.step_ns;
+    return DampingNotes(motion, drives, step_ns);
   };
   return simulation;
 }

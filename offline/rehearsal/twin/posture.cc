@@ -20,7 +20,7 @@ std::string Describe(const PostureEvent& event) {
 }
 
 PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& config,
-                           const PrimitivePose& start, std::vector<bool> slides)
+                           const PrimitivePose& start, Slides slides)
     : config_(config), slides_(std::move(slides)) {
   const auto add = [&](int node, const char* when, const PrimitivePose& pose, double tolerance) {
     const std::string name = fmt::format("as {} {}", when, motion.graph.node(node).name.view());
@@ -28,7 +28,8 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
                     pose.root_z_m,
                     motion.RobotPitch(node, pose.root_pitch_rad),
                     std::max(tolerance, config.pitch_tolerance_rad),
-                    {}};
+                    {},
+                    pose.passive_positions_rad};
     for (std::size_t j = 0; j < pose.joint_positions_rad.size(); ++j) {
       const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
       known.joints_rad.push_back(pose.joint_positions_rad[role]);
@@ -43,18 +44,19 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
     add(node, "before", motion.PrimitiveOf(node).entry, 0);
   }
   poses_.push_back({"as it was started", start.root_z_m, start.root_pitch_rad,
-                    config.pitch_tolerance_rad, start.joint_positions_rad});
+                    config.pitch_tolerance_rad, start.joint_positions_rad,
+                    start.passive_positions_rad});
 }
 
 bool PostureWatch::Slow(const TwinState& state) const {
   const auto fast = [this](double rate) { return std::abs(rate) > config_.rate_max_rad_s; };
   return std::hypot(state.root_vx_m_s, state.root_vz_m_s) <= config_.speed_max_m_s &&
          !fast(state.root_pitch_rate_rad_s) &&
-         std::none_of(state.joint_velocities_rad_s.begin(), state.joint_velocities_rad_s.end(),
-                      fast);
+         std::ranges::none_of(state.joint_velocities_rad_s, fast) &&
+         std::ranges::none_of(state.passive_velocities_rad_s, fast);
 }
 
-const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state) const {
+const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state, bool passive) const {
   const auto fits = [&](const KnownPose& pose) {
     // The height allows for the pitch: the root turns about a foot, some 0.3 m away.
     const double z_tolerance = config_.z_tolerance_m + 0.3 * pose.pitch_tolerance_rad;
@@ -62,9 +64,15 @@ const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state) co
         std::abs(state.root_z_m - pose.z_m) > z_tolerance)
       return false;
     for (std::size_t j = 0; j < pose.joints_rad.size(); ++j) {
-      const bool slides = j < slides_.size() && slides_[j];
+      const bool slides = j < slides_.joints.size() && slides_.joints[j];
       const double tolerance = slides ? config_.z_tolerance_m : config_.joint_tolerance_rad;
       if (std::abs(state.joint_positions_rad[j] - pose.joints_rad[j]) > tolerance) return false;
+    }
+    for (std::size_t i = 0; passive && i < pose.passive_rad.size(); ++i) {
+      const bool slides = i < slides_.passive.size() && slides_.passive[i];
+      const double tolerance = slides ? config_.z_tolerance_m : config_.joint_tolerance_rad;
+      const double off = state.passive_positions_rad[i] - pose.passive_rad[i];
+      if (std::abs(slides ? off : NearestTurn(off)) > tolerance) return false;
     }
     return true;
   };
@@ -113,7 +121,7 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
   }
   overlapping_ = state.self_overlap_m > 0;
   if (drives.all_enabled && !drives.let_go) watched_ = true;
-  if (drives.let_go && !let_go_ && FindPose(state) != nullptr) watched_ = false;
+  if (drives.let_go && !let_go_ && FindPose(state, false) != nullptr) watched_ = false;
   if (!drives.let_go || !let_go_) sinking_max_m_s_ = 0;
   if (drives.let_go) sinking_max_m_s_ = std::max(sinking_max_m_s_, -state.root_vz_m_s);
   let_go_ = drives.let_go;
@@ -131,13 +139,13 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
   }
   if (slow_since_ns_ < 0) slow_since_ns_ = state.time_ns;
   if (static_cast<double>(state.time_ns - slow_since_ns_) * 1e-9 < config_.rest_s) return;
-  const KnownPose* pose = FindPose(state);
+  const KnownPose* pose = FindPose(state, true);
   const std::string name = pose == nullptr ? "" : pose->name;
   if (resting_ && name == resting_as_) return;
   resting_ = true;
   resting_as_ = name;
   Add(state, PostureEvent::Kind::kRest).pose = name;
-  if (pose != nullptr) {
+  if (FindPose(state, false) != nullptr) {
     fallen_ = false;
   } else {
     Fall(state, "rests in a pose that no motion begins or ends in");

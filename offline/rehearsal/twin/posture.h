@@ -12,13 +12,16 @@ namespace tumbler {
 
 /// The thresholds that tell a fall from a motion.
 struct PostureConfig {
-  /// The robot is at rest when root and joints have been slower than this for `rest_s`. A robot
-  /// that rocks on its feet passes through rest, but not for a third of a second.
+  /// The robot is at rest when root and joints, also those without a motor, have been slower than
+  /// this for `rest_s`. A robot that rocks on its feet passes through rest, but not for a third of
+  /// a second.
   double speed_max_m_s = 0.03;
   double rate_max_rad_s = 0.05;
   double rest_s = 0.3;
   /// A pose counts as a known one when it differs by at most this. For the pitch the sequence's
   /// exit tolerance counts where it is larger. Joints that slide have the tolerance of the height.
+  /// A joint without a motor may rest anywhere, which is no fall, but another pose; its whole turns
+  /// do not count.
   double pitch_tolerance_rad = 0.1;
   double joint_tolerance_rad = 0.3;
   double z_tolerance_m = 0.05;
@@ -66,9 +69,13 @@ class PostureWatch {
   /// overlaps only where there are no rests.
   static constexpr std::size_t kKept = 200;
 
-  /// @param slides  whether each joint of the motion slides; empty: none does.
+  /// Which joints slide; empty: none does.
+  struct Slides {
+    std::vector<bool> joints;   ///< Of the motion.
+    std::vector<bool> passive;  ///< Those without a motor.
+  };
   PostureWatch(const SequenceFile& motion, const PostureConfig& config, const PrimitivePose& start,
-               std::vector<bool> slides = {});
+               Slides slides = {});
 
   /// To be called every few milliseconds, with times that grow.
   void Observe(const TwinState& state, const std::vector<TwinContact>& contacts,
@@ -93,16 +100,18 @@ class PostureWatch {
     std::string name;
     double z_m, pitch_rad, pitch_tolerance_rad;
     std::vector<double> joints_rad;
+    std::vector<double> passive_rad;  // empty: of a pose that does not say
   };
   [[nodiscard]] bool Slow(const TwinState& state) const;
-  [[nodiscard]] const KnownPose* FindPose(const TwinState& state) const;
+  /// @param passive  whether joints without a motor count.
+  [[nodiscard]] const KnownPose* FindPose(const TwinState& state, bool passive) const;
   void Fall(const TwinState& state, std::string cause);
   /// Adds an event, with its place, and makes room for it.
   PostureEvent& Add(const TwinState& state, PostureEvent::Kind kind);
   static PostureEvent EventAt(const TwinState& state, PostureEvent::Kind kind);
 
   PostureConfig config_;
-  std::vector<bool> slides_;
+  Slides slides_;
   std::vector<KnownPose> poses_;
   std::vector<PostureEvent> events_;
   std::size_t left_out_ = 0;

@@ -99,10 +99,15 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     sensor_ = std::make_unique<SimulatedSensor>(*drives.sensor, config.sensor);
     sensor_->AttachTo(bus_);
   }
-  std::vector<bool> slides;
-  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
-    slides.push_back(scene.robot.tree.dofs[scene.robot.DofOfJoint(j)].kind ==
-                     JointKind::kPrismatic);
+  PostureWatch::Slides slides;
+  const auto does_slide = [&scene](std::size_t dof) {
+    return scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
+  };
+  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j)
+    slides.joints.push_back(does_slide(scene.robot.DofOfJoint(j)));
+  for (const PassiveJoint& joint : scene.robot.passive) {
+    slides.passive.push_back(does_slide(Index(joint.dof)));
+    passive_joints_.push_back(scene.robot.tree.dofs[Index(joint.dof)].name);
   }
   posture_ = std::make_unique<PostureWatch>(motion, config.posture, start, std::move(slides));
 }

@@ -79,6 +79,8 @@ class SimulatedRobot {
   [[nodiscard]] std::vector<TwinContact> contacts() const { return twin_->contacts(); }
   [[nodiscard]] const PostureWatch& posture() const { return *posture_; }
   [[nodiscard]] const std::vector<std::string>& joints() const { return joints_; }
+  /// The joints without a motor, in the order of their true states.
+  [[nodiscard]] const std::vector<std::string>& passive_joints() const { return passive_joints_; }
   /// The drive of a joint, in the motion's order.
   [[nodiscard]] const SimulatedDrive& drive(std::size_t joint) const { return *drives_[joint]; }
   [[nodiscard]] std::size_t joint_count() const { return drives_.size(); }
@@ -87,7 +89,7 @@ class SimulatedRobot {
   void Measure();
 
   SimulatedBus bus_;
-  std::vector<std::string> joints_;
+  std::vector<std::string> joints_, passive_joints_;
   std::vector<std::unique_ptr<SimulatedDrive>> drives_;
   std::unique_ptr<SimulatedSensor> sensor_;  ///< Null: there is none.
   std::vector<double> sensor_chain_;         ///< By how much its link turns with each joint.

@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -46,6 +47,14 @@ truth_t MessageOf(const SimulatedRobot& robot) {
     joint.temperature_c = drive.temperature_c();
     joint.enabled = drive.enabled() ? 1 : 0;
     joint.limp = drive.limp() ? 1 : 0;
+    message.joints.push_back(joint);
+  }
+  for (std::size_t i = 0; i < robot.passive_joints().size(); ++i) {
+    joint_truth_t joint{};
+    joint.name = robot.passive_joints()[i];
+    joint.position_rad = state.passive_positions_rad[i];
+    joint.velocity_rad_s = state.passive_velocities_rad_s[i];
+    joint.temperature_c = std::numeric_limits<double>::quiet_NaN();
     message.joints.push_back(joint);
   }
   message.joint_count = static_cast<std::int32_t>(message.joints.size());

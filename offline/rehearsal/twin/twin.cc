@@ -43,7 +43,8 @@ PrimitivePose Lifted(PrimitivePose start, double stand_m) {
 /// The friction of a joint in a twin.
 Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) {
   const JointLosses losses = joint < config.joints.size() ? config.joints[joint] : JointLosses{};
-  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad};
+  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad,
+              .dry_friction_nm = scene.robot.dry_friction_nm[scene.robot.DofOfJoint(joint)]};
   if (joint < scene.motors.size()) motor = scene.motors[joint];
   if (losses.viscous_friction_nm_s_per_rad)
     motor.viscous_friction_nm_s_per_rad = *losses.viscous_friction_nm_s_per_rad;
@@ -341,8 +342,10 @@ TwinState Twin::state() const {
     state.joint_velocities_rad_s.push_back(m.qd(dof));
     state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
-  for (const PassiveJoint& joint : m.scene.robot.passive)
+  for (const PassiveJoint& joint : m.scene.robot.passive) {
     state.passive_positions_rad.push_back(m.q(Index(joint.dof)));
+    state.passive_velocities_rad_s.push_back(m.qd(Index(joint.dof)));
+  }
   state.peak_penetration_m = m.peak_penetration;
   state.impact_m_s = m.impact;
   if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];

@@ -24,7 +24,8 @@ struct JointLosses {
   /// Friction of bearing and gear. It adds to the damping in the URDF. None: that of the task's
   /// motor, or the usual one.
   std::optional<double> viscous_friction_nm_s_per_rad;
-  /// Coulomb friction, >= 0 (EvaluateDryFriction). None: that of the task's motor, or 0.
+  /// Coulomb friction, >= 0 (EvaluateDryFriction). None: that of the task's motor, or, where the
+  /// task does not say what its motors lose, the friction in the URDF.
   std::optional<double> dry_friction_nm;
   /// The rotor's inertia seen through the gear. None: the inertia in the task.
   std::optional<double> rotor_inertia_kg_m2;
@@ -94,9 +95,10 @@ struct TwinState {
   double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
   std::vector<double> joint_positions_rad;
   std::vector<double> joint_velocities_rad_s;
-  std::vector<double> passive_positions_rad;  ///< Of the joints without a motor.
-  std::vector<double> joint_torques_nm;       ///< The torques that the drives exert.
-  double peak_penetration_m = 0;              ///< Since the start.
+  std::vector<double> passive_positions_rad;     ///< Of the joints without a motor [rad, m].
+  std::vector<double> passive_velocities_rad_s;  ///< Likewise.
+  std::vector<double> joint_torques_nm;          ///< The torques that the drives exert.
+  double peak_penetration_m = 0;                 ///< Since the start.
   /// The hardest impact since the start or the last `ForgetImpacts`: the largest speed with which a
   /// point in contact moves into what it touches, and its link; empty: nothing was touched.
   double impact_m_s = 0;

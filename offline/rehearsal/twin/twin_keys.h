@@ -87,7 +87,7 @@ inline constexpr std::array kMotorKeys = {
         .Default("the task's; 0.02 where it has no `[motor]`"),
     KeyOf<&MotorEntry::dry_friction_nm, MotorEntry>(
         "dry_friction_nm", {0, 5}, "full above 0.05 rad/s, as smooth below it as the ground's")
-        .Default("the task's, else 0"),
+        .Default("the task's; the URDF's friction where it has no `[motor]`"),
     KeyOf<&MotorEntry::ambient_c, MotorEntry>(
         "ambient_c", {-50, 150}, "the winding approaches ambient + heating torque^2, first order"),
     KeyOf<&MotorEntry::heating_k_per_nm2, MotorEntry>("heating_k_per_nm2", {0, 1e4}, "likewise"),
@@ -129,6 +129,7 @@ inline void ReadPatchObstacle(TomlTable& table, std::string_view key, PatchEntry
 }
 inline constexpr std::array kPatchKeys = {
     KeyReadBy<PatchEntry>("obstacle", ReadPatchObstacle, "")
+        .Schema(R"({"type": "string"})")
         .Required()
         .Allowed("of the task or of this file"),
     KeyOf<&FrictionPatch::mu, PatchEntry>("mu", kTwinFriction, "").Required(),
@@ -153,7 +154,10 @@ inline void ReadPushLink(TomlTable& table, std::string_view key, PushEntry& push
 }
 inline constexpr std::array<std::string_view, 2> kSince = {"start", "enabled"};
 inline constexpr std::array kPushKeys = {
-    KeyReadBy<PushEntry>("link", ReadPushLink, "").Required().Allowed("a link of the robot"),
+    KeyReadBy<PushEntry>("link", ReadPushLink, "")
+        .Schema(R"({"type": "string"})")
+        .Required()
+        .Allowed("a link of the robot"),
     KeyOf<&PushEntry::start_s, PushEntry>("start_s", {0, 1e6}, "").Required(),
     KeyOf<&PushEntry::since_enabled, PushEntry>(
         "since", kSince,

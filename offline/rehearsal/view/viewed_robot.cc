@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
+#include "offline/rehearsal/flight_report/truth.h"
 #include "offline/report/page_file.h"
 #include "runtime/core/tick.h"
 
@@ -61,14 +63,18 @@ void ViewedRobot::Take(const state_t& state) {
 
 void ViewedRobot::Take(const truth_t& truth) {
   if (!IsNear(truth.root_x_m) || !IsNear(truth.root_z_m) || !IsNear(truth.root_pitch_rad)) return;
-  truth_ = {truth.root_x_m, truth.root_z_m, truth.root_pitch_rad};
+  std::vector<double> passive_rad = PassiveOf(truth, paths_.passive_names());
+  if (!std::ranges::all_of(passive_rad, IsNear)) return;
+  truth_ = {{truth.root_x_m, truth.root_z_m, truth.root_pitch_rad}, std::move(passive_rad)};
   states_since_truth_ = 0;
 }
 
-std::array<double, 3> ViewedRobot::Root() {
+ViewedRobot::Unmeasured ViewedRobot::WhereTheRestIs() {
   if (truth_) return *truth_;
   const ReportSample plan = paths_.PlanAt(node_, played_to_s_);
-  return {plan.link_poses[0][0] + shift_m_, plan.link_poses[0][1], plan.root_pitch_rad + turn_rad_};
+  return {
+      {plan.link_poses[0][0] + shift_m_, plan.link_poses[0][1], plan.root_pitch_rad + turn_rad_},
+      plan.passive_positions_rad};
 }
 
 Json ViewedRobot::Poses() {
@@ -80,7 +86,8 @@ Json ViewedRobot::Poses() {
     if (!IsNear(positions_rad.back())) return nullptr;
   }
   Json poses = Json::Array();
-  for (const auto& pose : paths_.Pose(Root(), positions_rad).link_poses) {
+  const Unmeasured rest = WhereTheRestIs();
+  for (const auto& pose : paths_.Pose(rest.root, positions_rad, rest.passive_rad).link_poses) {
     Json link = Json::Array();
     // A tenth of a millimetre is less than a picture shows.
     for (const double number : pose) link.Append(std::round(number * 1e4) / 1e4);

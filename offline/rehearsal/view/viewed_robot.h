@@ -15,9 +15,9 @@
 
 namespace tumbler {
 
-/// Where the robot of a run is drawn. Its joints are as measured. Its root is where the simulated
-/// robot truly is, as long as that is told; otherwise nobody knows, and it is where the plan has it
-/// at this time of the primitive.
+/// Where the robot of a run is drawn. Its joints are as measured. Its root, and its joints without
+/// a motor, are where the simulated robot truly is, as long as that is told; otherwise nobody
+/// knows, and they are where the plan has them at this time of the primitive.
 class ViewedRobot {
  public:
   /// Computes the plans of all nodes, which takes some tenths of a second for each.
@@ -40,13 +40,18 @@ class ViewedRobot {
   [[nodiscard]] bool RootIsTrue() const { return truth_.has_value(); }
 
  private:
-  [[nodiscard]] std::array<double, 3> Root();
+  /// What no drive measures.
+  struct Unmeasured {
+    std::array<double, 3> root{};
+    std::vector<double> passive_rad;
+  };
+  [[nodiscard]] Unmeasured WhereTheRestIs();
 
   int node_count_ = 0;
   int start_node_ = 0;
   RobotPaths paths_;
   std::optional<state_t> state_;
-  std::optional<std::array<double, 3>> truth_;
+  std::optional<Unmeasured> truth_;
   std::int64_t states_since_truth_ = 0;
   int node_ = 0;            ///< The node that is played or was played last.
   bool begun_ = false;      ///< Whether a node was played in this run.

@@ -372,6 +372,18 @@ function fillTimePlots() {
     if (runs.some((run) => ['plan', 'truth'].some((kind) => run[kind] && moves(run[kind].links[0][key]))))
       addTimePlot(root, title, 'm', niceTicks, 3, rootCurves((robot) => robot.links[0][key]));
   }
+  // No drive measures a joint without a motor.
+  const passive = [...new Set(runs.flatMap((run) => ['plan', 'truth'].flatMap((kind) =>
+    ((run[kind] && run[kind].passive) || []).map((joint) => joint.name))))];
+  for (const name of passive) {
+    const own = element('h3', {}, byId('joint-plots'), name);
+    element('small', {}, own, 'joint without a motor');
+    const host = element('div', {class: 'plots'}, byId('joint-plots'));
+    addTimePlot(host, 'Position', 'rad', angleTicks, 4, ['plan', 'truth'].flatMap((kind) => runs.flatMap((run, r) => {
+      const joint = ((run[kind] && run[kind].passive) || []).find((j) => j.name === name);
+      return joint ? [{name: label(kind, run), hue: `kind-${kind} run-${r}`, xs: run[kind].times_s, ys: joint.position_rad}] : [];
+    })));
+  }
   for (const plot of timePlots) {
     plot.svg.addEventListener('wheel', (event) => {
       if (!event.ctrlKey) return;

@@ -107,11 +107,13 @@ class Simulations(support.WithFolder):
         with self.assertRaisesRegex(ValueError, "from_node: .*get_up.toml: .*'nowhere'; allowed: .*rise"):
             tumbler.simulate(motion, from_node="nowhere")
 
-    def test_what_was_not_judged_is_not_as_asked(self):
+    def test_what_was_not_judged_is_neither_as_asked_nor_amiss(self):
         run = tumbler.simulate(support.PRIMITIVES / "hopper/hopper.toml", hold_s=0.0)
         self.assertEqual(run.outcome, "completed")
         self.assertIsNone(run.summary["purpose_met"])
-        self.assertFalse(run.as_asked)
+        self.assertIsNone(run.as_asked)
+        self.assertIsNone(run.summary["as_asked"])
+        self.assertEqual(run.summary["exit_code"], 4)
 
     def test_refuse_what_does_not_suit_the_motion(self):
         gait = support.PRIMITIVES / "nominal/gait.toml"

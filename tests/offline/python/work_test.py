@@ -134,6 +134,15 @@ class Robustness(support.WithFolder):
             left = got.left_s[index]
             self.assertEqual(-1 if np.isnan(left) else left, robot["left_s"])
 
+    def test_of_a_motion_that_is_for_nothing_judges_no_robot(self):
+        arm = tumbler.optimise(support.ROOT / "tests/data/tasks/arm.toml").primitive
+        got = tumbler.robustness(arm, robots=3)
+        self.assertEqual(list(got.verdicts), 3 * ["not judged"])
+        self.assertFalse(got.judged.any() or got.stands.any())
+        self.assertTrue(np.isnan(got.share))
+        self.assertIsNone(got.summary["share"])
+        self.assertIsNone(tumbler.simulate(arm).as_asked)
+
     def test_of_a_primitive_that_python_holds_is_that_of_its_file(self):
         primitive = tumbler.Primitive.load(HANDSTAND)
         told = []

@@ -1,0 +1,67 @@
+#include "offline/problem/purpose_gauge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "common/index.h"
+#include "common/primitive_toml.h"
+
+namespace tumbler {
+
+PurposeGauge::PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot)
+    : of_(target.of), root_dofs_(Index(robot.root_dofs)) {
+  if (!target.of_point()) return;
+  try {
+    point_ = PointOfLink(robot, target.link, target.point_m);
+  } catch (const std::invalid_argument& error) {
+    obstacle_ = "its link " + std::string(error.what());
+  }
+}
+
+double PurposeGauge::At(std::span<const double> q, std::span<const double> qd) const {
+  const auto root = [this](std::span<const double> of, std::size_t dof) {
+    return dof < root_dofs_ ? of[dof] : 0.0;
+  };
+  switch (of_) {
+    case PurposeTarget::Of::kX:
+      return root(q, 0);
+    case PurposeTarget::Of::kZ:
+      return root(q, 1);
+    case PurposeTarget::Of::kPitch:
+      return root(q, 2);
+    case PurposeTarget::Of::kXRate:
+      return root(qd, 0);
+    case PurposeTarget::Of::kZRate:
+      return root(qd, 1);
+    case PurposeTarget::Of::kPitchRate:
+      return root(qd, 2);
+    case PurposeTarget::Of::kSpeed:
+      return std::max({std::abs(root(qd, 0)), std::abs(root(qd, 1)), std::abs(root(qd, 2))});
+    case PurposeTarget::Of::kPointX:
+      return point_.Value(LinkPoint::Axis::kX, false, q, qd);
+    case PurposeTarget::Of::kPointZ:
+      return point_.Value(LinkPoint::Axis::kZ, false, q, qd);
+    case PurposeTarget::Of::kPointXRate:
+      return point_.Value(LinkPoint::Axis::kX, true, q, qd);
+    case PurposeTarget::Of::kPointZRate:
+      return point_.Value(LinkPoint::Axis::kZ, true, q, qd);
+  }
+  return 0;
+}
+
+double DueTime(const PurposeTarget& target, double duration_s, double settle_s) {
+  switch (target.when) {
+    case PurposeTarget::When::kEnd:
+      return duration_s;
+    case PurposeTarget::When::kSettled:
+      return duration_s + settle_s;
+    case PurposeTarget::When::kLater:
+      return duration_s + kExitAfter_s;
+    case PurposeTarget::When::kTime:
+      return target.time_s;
+  }
+  return duration_s;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+
+#include "common/purpose.h"
+#include "offline/model/planar_robot.h"
+#include "offline/problem/link_point.h"
+
+namespace tumbler {
+
+/// Takes what a target of a motion's purpose asks for from a robot's state.
+class PurposeGauge {
+ public:
+  PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot);
+
+  /// Why the robot does not show it: it has no such point. Empty: it does.
+  [[nodiscard]] const std::string& obstacle() const { return obstacle_; }
+
+  /// The value at an instant [m, rad, m/s, rad/s]. A fixed root is at 0. Of a speed it is the
+  /// largest |rate| of the root now, of which the target asks for the largest in a while.
+  /// @param q, qd  of all degrees of freedom, in the coordinates of the task.
+  /// @pre there is no obstacle.
+  [[nodiscard]] double At(std::span<const double> q, std::span<const double> qd) const;
+
+ private:
+  PurposeTarget::Of of_;
+  std::size_t root_dofs_;
+  LinkPoint point_;  // Not present: of the root.
+  std::string obstacle_;
+};
+
+/// When a target is due, since the start of a motion that lasts `duration_s` and settles for
+/// `settle_s` [s].
+[[nodiscard]] double DueTime(const PurposeTarget& target, double duration_s, double settle_s);
+
+}  // namespace tumbler

@@ -1,0 +1,53 @@
+#include "offline/scene/drive_damping.h"
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "common/index.h"
+#include "offline/linear/symmetric_eigen.h"
+
+namespace tumbler {
+namespace {
+
+/// The robot with these joints moved by torques. What else is held, as a root by a bar, stays so.
+Tree<Plane> MovedByTorques(Tree<Plane> tree, const std::vector<int>& dofs) {
+  for (const int dof : dofs) tree.dofs[Index(dof)].prescribed = false;
+  return tree;
+}
+
+}  // namespace
+
+DriveDamping::DriveDamping(const Scene& scene, std::vector<int> dofs, std::vector<double> kd)
+    : dynamics_(MovedByTorques(scene.robot.tree, dofs)),
+      dofs_(std::move(dofs)),
+      kd_(std::move(kd)) {}
+
+double DriveDamping::RateAt(std::span<const double> q) {
+  using Numbers = std::array<double, Plane::kMaxDofs>;
+  const auto n = static_cast<std::size_t>(dynamics_.size());
+  const Numbers at_rest{};
+  dynamics_.SetState(q, {at_rest.data(), n});
+  // Accelerations are M^-1 times the torques, and those of gravity, which a difference leaves out.
+  const auto accelerations = [&](int dof, double torque_nm) {
+    Numbers qdd{}, tau{};
+    if (dof >= 0) tau[Index(dof)] = torque_nm;
+    dynamics_.Solve({qdd.data(), n}, {tau.data(), n});
+    return qdd;
+  };
+  const Numbers of_gravity = accelerations(-1, 0);
+  // A Kd has the eigenvalues of the symmetric sqrt(Kd) A sqrt(Kd).
+  const auto count = static_cast<Eigen::Index>(dofs_.size());
+  SmallMatrix rates(count, count);
+  for (Eigen::Index j = 0; j < count; ++j) {
+    const Numbers of_torque = accelerations(dofs_[static_cast<std::size_t>(j)], 1);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const std::size_t dof = Index(dofs_[static_cast<std::size_t>(i)]);
+      rates(i, j) = (of_torque[dof] - of_gravity[dof]) *
+                    std::sqrt(kd_[static_cast<std::size_t>(i)] * kd_[static_cast<std::size_t>(j)]);
+    }
+  }
+  return DecomposeSymmetric(rates).values[count - 1];
+}
+
+}  // namespace tumbler
