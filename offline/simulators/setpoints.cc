@@ -41,7 +41,8 @@ class Rows {
 
   void Write(int node, double at_s, bool moves, bool with_torque = true) {
     const Primitive<double>& primitive = file_.PrimitiveOf(node).primitive;
-    fmt::format_to(std::back_inserter(text_), "{},{}", Time(), file_.graph.node(node).name.view());
+    fmt::format_to(std::back_inserter(text_), "{},\"{}\"", Time(),
+                   file_.graph.node(node).name.view());
     for (int j = 0; j < primitive.joint_count; ++j) {
       const auto& path = primitive.joints[Index(file_.graph.RoleOf(node, j))];
       const auto sample = path.position.Evaluate(at_s);

@@ -2,21 +2,23 @@
 // that tumbler-export writes, and so are the setpoints: what a user of such an engine has.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <numbers>
+#include <random>
+#include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "common/index.h"
 #include "common/sequence_toml.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/simulators/mjcf.h"
 #include "offline/simulators/setpoints.h"
@@ -25,8 +27,6 @@
 
 namespace tumbler {
 namespace {
-
-using ::testing::HasSubstr;
 
 /// How the contacts of an engine are set.
 struct Contacts {
@@ -58,8 +58,11 @@ std::vector<Row> ParseCsv(const std::string& text, std::size_t joints) {
   while (at < text.size()) {
     const std::size_t end = text.find('\n', at);
     std::vector<std::string> cells(1);
+    bool quoted = false;
     for (const char c : text.substr(at, end - at)) {
-      if (c == ',') {
+      if (c == '"') {
+        quoted = !quoted;
+      } else if (c == ',' && !quoted) {
         cells.emplace_back();
       } else {
         cells.back() += c;
@@ -148,48 +151,20 @@ struct Shipped {
   const char* file;
   int cycles;
 };
-constexpr std::array kShipped = {Shipped{"handstand.toml", 1},
-                                 Shipped{"downstand.toml", 1},
-                                 Shipped{"downstand_back.toml", 1},
-                                 Shipped{"roll.toml", 1},
-                                 Shipped{"rise.toml", 1},
-                                 Shipped{"rise_from_leg1.toml", 1},
-                                 Shipped{"rise_from_leg2.toml", 1},
-                                 Shipped{"stand.toml", 1},
-                                 Shipped{"nominal/handstand.toml", 1},
-                                 Shipped{"nominal/downstand.toml", 1},
-                                 Shipped{"nominal/roll.toml", 1},
-                                 Shipped{"gait.toml", 10},
-                                 Shipped{"cartwheel.toml", 10}};
+// Those that are for robots that differ from the model.
+constexpr std::array kMotions = {
+    Shipped{"handstand.toml", 1},      Shipped{"downstand.toml", 1},
+    Shipped{"downstand_back.toml", 1}, Shipped{"roll.toml", 1},
+    Shipped{"rise.toml", 1},           Shipped{"rise_from_leg1.toml", 1},
+    Shipped{"rise_from_leg2.toml", 1}, Shipped{"stand.toml", 1}};
+constexpr std::array kGaits = {Shipped{"gait.toml", 10}, Shipped{"cartwheel.toml", 10}};
 
-TEST(OtherSimulators, HaveTheSameFreeRobot) {
-  // Without ground or torque, from a pose in the air: what both make of masses, rotors and limits.
-  const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/handstand.toml")));
-  InMujoco engine(ToMjcf(motion, {0, 0}));
-  EXPECT_EQ(engine.model().nu, 2);
-  double mass = 0;
-  for (const auto& dof : motion.scene().robot.tree.dofs) mass += dof.mass_kg;
-  EXPECT_NEAR(mj_getTotalmass(&engine.model()), mass, 1e-9);
-}
-
-TEST(OtherSimulators, BeginWithTheFeetOnTheGround) {
-  const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/handstand.toml")));
-  const PrimitivePose& entry = motion.file().PrimitiveOf(0).entry;
-  const std::vector<double> q = PositionsIn(entry, motion.scene().robot);
-  // By hand: legs of 0.2 m straight down, feet of 10 mm.
-  EXPECT_NEAR(ClearanceAt(motion.scene(), q), entry.root_z_m - 0.21, 1e-6);
-  InMujoco engine(ToMjcf(motion, {40, 5}));
-  engine.Begin();
-  EXPECT_NEAR(engine.Position("z"), 0.21, 1e-6);
-  EXPECT_NEAR(engine.Position("leg1"), -std::numbers::pi / 2, 1e-12);
-}
-
-TEST(OtherSimulators, PlayShippedMotionsAsTheDocumentSays) {
-  std::string table;
+/// Plays each with all contacts, and compares the table of what comes of it with the document's.
+void ExpectDocumented(std::span<const Shipped> all, const std::string& name) {
   std::vector<std::string> heads = {"motion"};
   for (const Contacts& contacts : kContacts) heads.emplace_back(contacts.name);
-  table += testing::MarkdownHead(heads);
-  for (const Shipped& shipped : kShipped) {
+  std::string table = testing::MarkdownHead(heads);
+  for (const Shipped& shipped : all) {
     const SimulatedMotion motion(
         LoadMotion(testing::SourcePath(std::string("primitives/") + shipped.file)));
     const DriveGains gains = motion.ProblemAt(motion.file().graph.start).drive_gains();
@@ -207,9 +182,57 @@ TEST(OtherSimulators, PlayShippedMotionsAsTheDocumentSays) {
     }
     table += testing::MarkdownRow(cells);
   }
-  testing::ExpectTables("docs/other-simulators.md",
-                        std::vector<testing::DocsTable>{{"tests/offline/other_simulators_test.cc",
-                                                         "motions in MuJoCo", table}});
+  testing::ExpectTables(
+      "docs/other-simulators.md",
+      std::vector<testing::DocsTable>{{"tests/offline/other_simulators_test.cc", name, table}});
+}
+
+TEST(OtherSimulators, AccelerateTheRobotInTheAirAsOurDynamicsDo) {
+  const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/handstand.toml")));
+  PlanarRobot robot = motion.scene().robot;
+  for (Dof<Plane>& dof : robot.tree.dofs) dof.prescribed = false;
+  HybridDynamics<Plane> dynamics(robot.tree);
+  InMujoco engine(ToMjcf(motion, {0, 0}));
+  ASSERT_EQ(engine.model().nq, 5);  // in our order, as the robot's tree is written
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> any(-1, 1);
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<double> q(5), qd(5), qdd(5), tau(5);
+    for (double& x : q) x = 2 * any(random);
+    for (double& x : qd) x = 5 * any(random);
+    q[1] = 10;  // far above the ground
+    tau[3] = 5 * any(random);
+    tau[4] = 5 * any(random);
+    std::ranges::copy(q, engine.data().qpos);
+    std::ranges::copy(qd, engine.data().qvel);
+    engine.data().ctrl[0] = tau[3];
+    engine.data().ctrl[1] = tau[4];
+    mj_forward(&engine.model(), &engine.data());
+    dynamics.SetState(q, qd);
+    dynamics.Solve(qdd, tau);
+    for (std::size_t i = 0; i < 5; ++i)
+      EXPECT_NEAR(engine.data().qacc[i], qdd[i], 1e-6 * (1 + std::abs(qdd[i]))) << i;
+  }
+}
+
+TEST(OtherSimulators, BeginWithTheFeetOnTheGround) {
+  const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/handstand.toml")));
+  const PrimitivePose& entry = motion.file().PrimitiveOf(0).entry;
+  const std::vector<double> q = PositionsIn(entry, motion.scene().robot);
+  // By hand: legs of 0.2 m straight down, feet of 10 mm.
+  EXPECT_NEAR(ClearanceAt(motion.scene(), q), entry.root_z_m - 0.21, 1e-6);
+  InMujoco engine(ToMjcf(motion, {40, 5}));
+  engine.Begin();
+  EXPECT_NEAR(engine.Position("z"), 0.21, 1e-6);
+  EXPECT_NEAR(engine.Position("leg1"), -std::numbers::pi / 2, 1e-12);
+}
+
+TEST(OtherSimulators, PlayShippedMotionsAsTheDocumentSays) {
+  ExpectDocumented(kMotions, "motions in MuJoCo");
+}
+
+TEST(OtherSimulators, PlayTenCyclesOfTheGaitsAsTheDocumentSays) {
+  ExpectDocumented(kGaits, "gaits in MuJoCo");
 }
 
 }  // namespace
