@@ -3,6 +3,7 @@
 #include <pybind11/pybind11.h>
 
 #include <string>
+#include <type_traits>
 
 namespace tumbler {
 
@@ -20,6 +21,9 @@ class SignatureText {
   void Add(const pybind11::kw_only& /*rest*/) { Append("*"); }
   void Add(const pybind11::pos_only& /*before*/) { Append("/"); }
 
+  /// Keyword arguments of any name.
+  void AddKeywords() { Append("**keys"); }
+
   [[nodiscard]] std::string WithDoc(const char* doc) const { return text_ + ")\n--\n\n" + doc; }
 
  private:
@@ -31,9 +35,19 @@ class SignatureText {
   std::string text_;
 };
 
-template <typename... Arguments>
-std::string DocOf(SignatureText signature, const char* doc, const Arguments&... arguments) {
+/// Whether a function takes keyword arguments of any name.
+template <typename Signature>
+struct TakesKeywords : std::false_type {};
+template <typename Result, typename... Arguments>
+struct TakesKeywords<Result(Arguments...)>
+    : std::disjunction<std::is_same<std::decay_t<Arguments>, pybind11::kwargs>...> {};
+
+template <typename Function, typename... Arguments>
+std::string DocOf(const char* name, const char* doc, const Arguments&... arguments) {
+  SignatureText signature(name);
   (signature.Add(arguments), ...);
+  using Signature = pybind11::detail::function_signature_t<Function>;
+  if constexpr (TakesKeywords<Signature>::value) signature.AddKeywords();
   return signature.WithDoc(doc);
 }
 
@@ -42,21 +56,21 @@ std::string DocOf(SignatureText signature, const char* doc, const Arguments&... 
 template <typename Function, typename... Arguments>
 void DefineFunction(pybind11::module_& module, const char* name, const Function& function,
                     const char* doc, const Arguments&... arguments) {
-  const std::string text = DocOf(SignatureText(name), doc, arguments...);
+  const std::string text = DocOf<Function>(name, doc, arguments...);
   module.def(name, function, arguments..., text.c_str());
 }
 
 template <typename Class, typename Function, typename... Arguments>
 void DefineMethod(Class& of, const char* name, const Function& function, const char* doc,
                   const Arguments&... arguments) {
-  const std::string text = DocOf(SignatureText(name), doc, pybind11::arg("self"), arguments...);
+  const std::string text = DocOf<Function>(name, doc, pybind11::arg("self"), arguments...);
   of.def(name, function, arguments..., text.c_str());
 }
 
 template <typename Class, typename Function, typename... Arguments>
 void DefineStatic(Class& of, const char* name, const Function& function, const char* doc,
                   const Arguments&... arguments) {
-  const std::string text = DocOf(SignatureText(name), doc, arguments...);
+  const std::string text = DocOf<Function>(name, doc, arguments...);
   of.def_static(name, function, arguments..., text.c_str());
 }
 

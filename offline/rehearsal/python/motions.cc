@@ -78,13 +78,15 @@ std::vector<JointOf> JointsOfPrimitive(const PrimitivePointer& self) {
 constexpr double kTimeRounding = 1e-7;
 
 /// @throws py::value_error  about the first time that is not in the motion.
-void CheckTimes(std::span<const double> times_s, double duration_s) {
+void CheckTimes(const py::array_t<double>& times_s, double duration_s) {
+  const auto contiguous = py::array_t<double, py::array::c_style | py::array::forcecast>(times_s);
   const double rounding_s = kTimeRounding * duration_s;
-  for (std::size_t i = 0; i < times_s.size(); ++i) {
-    if (times_s[i] >= -rounding_s && times_s[i] <= duration_s + rounding_s) continue;
+  for (py::ssize_t i = 0; i < contiguous.size(); ++i) {
+    const double time_s = contiguous.data()[i];
+    if (time_s >= -rounding_s && time_s <= duration_s + rounding_s) continue;
     throw py::value_error(
         fmt::format("times_s: number {} is {} s; allowed: from 0 ... {} s, the motion's duration",
-                    i, times_s[i], duration_s));
+                    i, time_s, duration_s));
   }
 }
 
@@ -95,7 +97,6 @@ py::object EvaluateAs(const Primitive<Scalar>& primitive, const py::array_t<doub
   const auto contiguous = py::array_t<double, py::array::c_style | py::array::forcecast>(times_s);
   const std::span<const double> times(contiguous.data(),
                                       static_cast<std::size_t>(contiguous.size()));
-  CheckTimes(times, static_cast<double>(primitive.duration_s));
   const auto joints = primitive.motions();
   std::vector<py::ssize_t> shape(times_s.shape(), times_s.shape() + times_s.ndim());
   shape.push_back(static_cast<py::ssize_t>(joints.size()));
@@ -124,6 +125,7 @@ py::object EvaluateAs(const Primitive<Scalar>& primitive, const py::array_t<doub
 
 py::object EvaluatePrimitive(const LoadedPrimitive& self, const py::array_t<double>& times_s,
                              const py::object& dtype) {
+  CheckTimes(times_s, self.file.primitive.duration_s);
   const py::dtype wanted = py::dtype::from_args(dtype);
   if (wanted.is(py::dtype::of<double>())) return EvaluateAs(self.file.primitive, times_s);
   if (!wanted.is(py::dtype::of<float>()))

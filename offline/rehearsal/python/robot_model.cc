@@ -338,9 +338,7 @@ void BindModel(py::module_& module) {
           "Where the task's motion starts [m, rad].")
       .def(
           "__eq__",
-          [](const py::object& a, const py::object& b) {
-            return a.attr("task").equal(b.attr("task"));
-          },
+          [](const RobotModel& a, const RobotModel& b) { return SameTask(a.task(), b.task()); },
           py::is_operator())
       .def(py::pickle([](const py::object& self) { return py::make_tuple(self.attr("task")); },
                       [](const py::tuple& state) {

@@ -13,6 +13,11 @@
 
 namespace tumbler {
 
+/// Whether two tasks ask for the same: their texts, and those of their robots.
+inline bool SameTask(const Task& a, const Task& b) {
+  return a.task_text == b.task_text && a.robot_text == b.robot_text;
+}
+
 /// A task's robot on its ground, whose equations of motion Python calls with arrays.
 ///
 /// The last dimension of an array has a number for each of `coordinates()`; the others are those of

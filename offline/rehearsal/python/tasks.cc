@@ -125,12 +125,7 @@ void BindTasks(py::module_& module) {
       .def_property_readonly(
           "model", [](const TaskPointer& self) { return std::make_shared<RobotModel>(self); },
           "The robot on its ground, whose equations of motion can be called.")
-      .def(
-          "__eq__",
-          [](const Task& a, const Task& b) {
-            return a.task_text == b.task_text && a.robot_text == b.robot_text;
-          },
-          py::is_operator())
+      .def("__eq__", &SameTask, py::is_operator())
       .def("__hash__",
            [](const Task& self) {
              return py::hash(py::make_tuple(self.task_text, self.robot_text));

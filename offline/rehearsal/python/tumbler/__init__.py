@@ -34,7 +34,7 @@ def _function_of(native):
     def function(*arguments, **options):
         return native(*arguments, **options)
 
-    function.__module__ = __name__
+    function.__module__, function.__qualname__ = __name__, native.__name__
     return function
 
 

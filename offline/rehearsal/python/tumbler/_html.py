@@ -8,7 +8,7 @@ _MOST_ROWS = 8
 
 
 def _cell(value):
-    return html.escape(f"{value:.6g}" if isinstance(value, float) else str(value))
+    return html.escape(f"{value:.6g}" if isinstance(value, (float, np.floating)) else str(value))
 
 
 def _table(head, rows):
