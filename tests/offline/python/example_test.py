@@ -36,7 +36,7 @@ class Study(support.WithFolder):
         done = subprocess.run([sys.executable, "-B", STUDY, "20"], capture_output=True, text=True)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         lines = done.stdout.splitlines()
-        self.assertEqual([line.split(":")[0] for line in lines], [f"{duration_s} s" for duration_s in (0.6, 0.65, 0.7, 0.75, 0.8)])
+        self.assertEqual([line.split(":")[0] for line in lines], ["0.6 s", "0.65 s", "0.7 s", "0.75 s", "0.8 s"])
         found = [line for line in lines if re.search(r": cost [0-9.e-]+, [0-9]+% of 20 robots stand$", line)]
         self.assertEqual(found, lines)
         self.assertEqual(len({line.split("cost")[1].split(",")[0] for line in found}), 5)  # Each its own motion.

@@ -20,11 +20,12 @@ def some_states(model, count, seed=1):
 
 class Dynamics(support.WithFolder):
     def lines_of_program(self, model, q, qd, input):
-        """What tumbler-model says of the states: results of free coordinates, then of prescribed ones, and derivatives."""
+        """What tumbler-model says of the states: results of free coordinates and prescribed ones, and derivatives."""
         given = np.array(model.prescribed)
         names = [name for name, prescribed in zip(model.coordinates, model.prescribed) if prescribed]
         states = "\n".join(" ".join(f"{x:.17g}" for x in (*a, *b, *c[given])) for a, b, c in zip(q, qd, input))
-        command = [self.programs / "tumbler-model", "hybrid", TASK.robot_file, "--prescribed", ",".join(names), "--derivatives"]
+        command = [self.programs / "tumbler-model", "hybrid", TASK.robot_file, "--derivatives"]
+        command += ["--prescribed", ",".join(names)]
         done = subprocess.run(command, input=states + "\n", capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         return np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()])
@@ -36,7 +37,8 @@ class Dynamics(support.WithFolder):
         input[:, ~given] = 0  # The program's free coordinates have no force of their own.
         expected = self.lines_of_program(model, q, qd, input)
         order = [*np.flatnonzero(~given), *np.flatnonzero(given)]
-        np.testing.assert_allclose(model.g(q, qd, input, contact=False)[:, order], expected[:, :n], rtol=1e-9, atol=1e-9)
+        got = model.g(q, qd, input, contact=False)[:, order]
+        np.testing.assert_allclose(got, expected[:, :n], rtol=1e-9, atol=1e-9)
         blocks = expected[:, n:].reshape(len(q), 3, n, n)
         for place, matrix in enumerate(model.dg(q, qd, input, contact=False)):
             np.testing.assert_allclose(matrix[:, order], blocks[:, place], rtol=1e-8, atol=1e-8)

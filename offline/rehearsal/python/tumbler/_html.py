@@ -35,20 +35,22 @@ def _paths(primitive):
     x = times / primitive.duration_s * width
     lines = "".join(
         f'<polyline fill="none" stroke="hsl({137 * j % 360} 60% 45%)" stroke-width="1.5" '
-        f'points="{" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y[:, j]))}"><title>{_cell(joint.name)}</title></polyline>'
+        f'points="{" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y[:, j]))}">'
+        f"<title>{_cell(joint.name)}</title></polyline>"
         for j, joint in enumerate(primitive.joints)
     )
     scale = f"<div>{low:.3g} ... {high:.3g} rad over {primitive.duration_s:.3g} s</div>"
-    return f'<svg width="{width}" height="{height}" viewBox="0 0 {width} {height}">{lines}</svg>{scale}'
+    box = f'style="display:block" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
+    return f"<svg {box}>{lines}</svg>{scale}"
 
 
 def _primitive(self):
     head = ("joint", "from [rad]", "to [rad]", "limits [rad]", "limit [rad/s]", "limit [N m]")
     ends = self.evaluate([0, self.duration_s]).position_rad
-    rows = [
-        (j.name, ends[0, i], ends[1, i], f"{j.position_min_rad:.4g} ... {j.position_max_rad:.4g}", j.velocity_max_rad_s, j.torque_max_nm)
-        for i, j in enumerate(self.joints)
-    ]
+    rows = []
+    for i, joint in enumerate(self.joints):
+        limits = f"{joint.position_min_rad:.4g} ... {joint.position_max_rad:.4g}"
+        rows.append((joint.name, *ends[:, i], limits, joint.velocity_max_rad_s, joint.torque_max_nm))
     return _titled(f"Primitive {self.name}, {self.duration_s:.6g} s", _paths(self), _table(head, rows))
 
 
@@ -63,7 +65,8 @@ def _joint(self):
 
 
 def _spline(self):
-    return _facts(f"Spline of degree {self.degree}", [("knots [s]", self.knots_s), ("control points", self.control_points)])
+    facts = [("knots [s]", self.knots_s), ("control points", self.control_points)]
+    return _facts(f"Spline of degree {self.degree}", facts)
 
 
 def _sequence(self):
@@ -112,7 +115,9 @@ def _record(self):
 def _robustness(self):
     verdicts, counts = np.unique(self.verdicts, return_counts=True)
     low, high = self.share_95
-    share = f"{self.share:.1%} of those judged stand (95 %: {low:.1%} ... {high:.1%})" if self.judged.any() else "none was judged"
+    share = "none was judged"
+    if self.judged.any():
+        share = f"{self.share:.1%} of those judged stand (95 %: {low:.1%} ... {high:.1%})"
     return _titled(f"{len(self)} robots: {share}", _table(("verdict", "robots"), zip(verdicts, counts)))
 
 

@@ -39,7 +39,8 @@ def _plain(value, path):
         return int(value)
     if isinstance(value, numbers.Real):
         return float(value)
-    raise TypeError(f"{path}: is a {type(value).__name__}; allowed: numbers, texts, booleans, and lists and dictionaries of them")
+    allowed = "numbers, texts, booleans, and lists and dictionaries of them"
+    raise TypeError(f"{path}: is a {type(value).__name__}; allowed: {allowed}")
 
 
 def _inline(value):
@@ -112,7 +113,7 @@ def _number_at(text, path):
 
 
 def changed(text, name, changes):
-    """A task's text with other values by their paths. Where numbers take the place of numbers, the rest stays as it is."""
+    """A task's text with other values by their paths. Where numbers replace numbers, the rest stays as it is."""
     for path, value in changes.items():
         if value is not None:
             value = _plain(value, path)
