@@ -914,25 +914,36 @@ std::vector<KeyTable> TaskKeyTables() {
           {source, "solver", RowsOf(kSolverKeys)}};
 }
 
-Task LoadTask(const std::string& path) {
-  const std::string task_text = ReadTextFile(path);
-  const std::string robot_path = RobotPath(task_text, path);
-  return Parse(task_text, path, ReadTextFile(robot_path), robot_path, std::nullopt);
-}
+Task LoadTask(const std::string& path) { return ParseTask(ReadTextFile(path), path); }
 
 Task LoadTask(const std::string& path, const PrimitiveFile& before,
               const std::string& before_path) {
   const std::string task_text = ReadTextFile(path);
   const std::string robot_path = RobotPath(task_text, path);
-  const std::string robot_text = ReadTextFile(robot_path);
+  return ParseTask(task_text, path, ReadTextFile(robot_path), robot_path, before, before_path);
+}
+
+Task ParseTask(const std::string& task_text, const std::string& task_name) {
+  const std::string robot_path = RobotPath(task_text, task_name);
+  return ParseTask(task_text, task_name, ReadTextFile(robot_path), robot_path);
+}
+
+Task ParseTask(const std::string& task_text, const std::string& task_name,
+               const std::string& robot_text, const std::string& robot_name) {
+  return Parse(task_text, task_name, robot_text, robot_name, std::nullopt);
+}
+
+Task ParseTask(const std::string& task_text, const std::string& task_name,
+               const std::string& robot_text, const std::string& robot_name,
+               const PrimitiveFile& before, const std::string& before_path) {
   if (robot_text != before.provenance.robot_urdf) {
     throw FileError(before_path, 0, "provenance.robot_urdf",
                     fmt::format("is not the robot of the task {}, {}: an exit of another robot is "
                                 "no start; make the primitive again with that robot",
-                                path, robot_path));
+                                task_name, robot_name));
   }
   Task task = Parse(
-      task_text, path, robot_text, robot_path,
+      task_text, task_name, robot_text, robot_name,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
   const Scene scene_before = TaskOf(before).problem.scene;
@@ -941,23 +952,18 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
                     fmt::format("has other [motor] or [passive], or damping of joints, or locked "
                                 "joints, than the task {}: what "
                                 "one robot does is no start for another; give both the same",
-                                path));
+                                task_name));
   }
   if (!SameGround(task.problem.scene, scene_before)) {
     throw FileError(
         before_path, 0, "provenance.task_toml",
         fmt::format("has other [contact], [[obstacle]] or slope than the task {}: the robot "
                     "would not stay where it was left; give both the same",
-                    path));
+                    task_name));
   }
   task.start_file = before_path;
   task.start_hash = ContentHash(before);
   return task;
-}
-
-Task ParseTask(const std::string& task_text, const std::string& task_name,
-               const std::string& robot_text, const std::string& robot_name) {
-  return Parse(task_text, task_name, robot_text, robot_name, std::nullopt);
 }
 
 Task TaskOf(const PrimitiveFile& file) {

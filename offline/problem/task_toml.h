@@ -53,9 +53,18 @@ Task LoadTask(const std::string& path);
 ///                    quantity and amount.
 Task LoadTask(const std::string& path, const PrimitiveFile& before, const std::string& before_path);
 
-/// The same as the first, from texts. `robot_text` stands for the file that the task names.
+/// The same as the first, from the task's text. `task_name` stands for its file: it is where the
+/// URDF's path begins.
+Task ParseTask(const std::string& task_text, const std::string& task_name);
+
+/// The same, from texts. `robot_text` stands for the file that the task names.
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name);
+
+/// The same as the second LoadTask, from texts.
+Task ParseTask(const std::string& task_text, const std::string& task_name,
+               const std::string& robot_text, const std::string& robot_name,
+               const PrimitiveFile& before, const std::string& before_path);
 
 /// The task that a primitive was made from, parsed from the texts in the primitive. The start pose
 /// is the primitive's entry, wherever that came from.

@@ -144,6 +144,7 @@ TEST(FreeStart, ABoundThatIsReachedHasAMultiplierWithAName) {
   const TaskFolder folder(ThrowTask("x_min_m_s = -5.0\nx_max_m_s = 1.0\nz_m_s = 2.45"));
   const Problem problem = LoadTask(folder.task_file()).problem;
   std::vector<double> x = RandomStarts(problem).Draw(5);
+  x.back() = 0.5;  // From far below, a step promises too little of the cost to go on from a guess.
   const Solution best = SolveFromGuess(problem, x, {}).solutions.front();
   EXPECT_NEAR(best.x.back(), 1.0, 1e-9);
   ASSERT_FALSE(best.kkt.multipliers.empty());

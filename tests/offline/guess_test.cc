@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "common/spline_extent.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
@@ -212,7 +213,7 @@ TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
   const Solution& best = outcome.solutions.front();
   EXPECT_TRUE(best.feasible() && !best.refused);
   // A random search and the solve from there take more than a thousand.
-  EXPECT_LE(outcome.evaluations, 30);
+  EXPECT_LE(outcome.evaluations, 40);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     EXPECT_LT(
         LargestDifference(PositionSpline(problem, best.x, j), Known().primitive.joints[j].position),
@@ -379,10 +380,11 @@ TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
                                       1e-3, rollouts, {}, nullptr);
   double largest_before = 0;
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    for (const double c : Known().primitive.joints[j].position.control_points(2))
-      largest_before = std::max(largest_before, std::abs(c));
+    const Extent before = ExtentOf(Known().primitive.joints[j].position, 2);
+    largest_before = std::max({largest_before, before.max, -before.min});
     const auto path = PositionSpline(problem, solution.x, j);
-    for (const double c : path.control_points(2)) EXPECT_LE(std::abs(c), kLimit);
+    const Extent acceleration = ExtentOf(path, 2);
+    EXPECT_LE(std::max(acceleration.max, -acceleration.min), kLimit);
   }
   EXPECT_GT(largest_before, 1.05 * kLimit) << "or there was nothing to mend";
 }

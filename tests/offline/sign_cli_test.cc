@@ -87,7 +87,7 @@ TEST_F(EditedPrimitive, WhatCannotBeSignedIsLeftAsItIs) {
   const std::string before = ReadFile(file_);
   const Outcome outcome = RunProgram({"tumbler-sign", file_, "--because", "a weaker motor"});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("N m; allowed: >= -1 N m (limits.torque_max_nm)"));
+  EXPECT_THAT(outcome.text, HasSubstr(" s; allowed: >= -1 N m (limits.torque_max_nm)"));
   EXPECT_EQ(ReadFile(file_), before);
 }
 

@@ -142,7 +142,7 @@ TEST(DerivativeLimitRows, BoundVelocityAndAccelerationForAllTimeAndByHardlyMore)
         return std::max(extent.max, -extent.min) / limit;
       };
       EXPECT_LE(1 + worst.at("velocity of " + joint),
-                1.02 * share(velocity, limits.velocity_max_rad_s));
+                1.03 * share(velocity, limits.velocity_max_rad_s));
       EXPECT_LE(1 + worst.at("acceleration of " + joint),
                 1.03 * share(acceleration, limits.acceleration_max_rad_s2));
       for (int i = 0; i <= 1000; ++i) {

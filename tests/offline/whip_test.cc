@@ -168,18 +168,18 @@ TEST(WhipsTruth, TheTipIsDrawnWhereItWasJudged) {
   const double judged_m = json["passages"][0]["purpose"][0]["result"].number();
   const RunData run = ReadRun(TheRun().folder / "run.rec", "");
   ASSERT_EQ(run.passive_names, std::vector<std::string>{"pin"});
-  ASSERT_EQ(run.scene.links.size(), 2U);
-  EXPECT_EQ(run.scene.links[1].name, "lower");
+  ASSERT_EQ(run.scene.links.size(), 3U);  // the fixed root first
+  EXPECT_EQ(run.scene.links[2].name, "lower");
   const auto at = std::ranges::find_if(
       run.truth, [](const ReportSample& sample) { return sample.time_s > 0.9 - 1e-6; });
   ASSERT_NE(at, run.truth.end());
   const auto tip_m = [](const ReportSample& sample) {
-    const auto& [x, z, pitch] = sample.link_poses[1];
+    const auto& [x, z, pitch] = sample.link_poses[2];
     return x + 0.2 * std::sin(pitch);
   };
   // There is a truth every 5 ms, in which the tip moves by some millimetres.
   EXPECT_NEAR(tip_m(*at), judged_m, 0.01);
-  EXPECT_NEAR(at->link_poses[0][2], at->passive_positions_rad.at(0), 1e-9);
+  EXPECT_NEAR(at->link_poses[1][2], at->passive_positions_rad.at(0), 1e-9);
   double most_rad = 0;
   for (const ReportSample& sample : run.truth)
     most_rad = std::max(most_rad, std::abs(sample.passive_positions_rad.at(0)));
@@ -202,11 +202,11 @@ TEST(WhipsTruth, ATruthWithoutTheJointIsOfARobotThatHangsAsAtTheStart) {
   EXPECT_TRUE(PassiveOf(truth, {"pin"}).empty());
   RobotPaths paths(LoadMotion(Whip("fixed")));
   const std::vector<double> elbow = {0.0};
-  EXPECT_EQ(paths.Pose({}, elbow, PassiveOf(truth, {"pin"})).link_poses[0][2], 0);
+  EXPECT_EQ(paths.Pose({}, elbow, PassiveOf(truth, {"pin"})).link_poses[1][2], 0);
   truth.joints.push_back(truth.joints[0]);
   truth.joints[1].name = "pin";
   truth.joints[1].position_rad = 1.25;
-  EXPECT_EQ(paths.Pose({}, elbow, PassiveOf(truth, {"pin"})).link_poses[0][2], 1.25);
+  EXPECT_EQ(paths.Pose({}, elbow, PassiveOf(truth, {"pin"})).link_poses[1][2], 1.25);
 }
 
 TEST(WhipsTruth, AViewOfTheRunDrawsItsRodsAsTheyAre) {
@@ -217,7 +217,7 @@ TEST(WhipsTruth, AViewOfTheRunDrawsItsRodsAsTheyAre) {
   state.primitive_time_s = 0.9F;
   state.state = static_cast<std::int8_t>(ExecutorState::kRunning);
   robot.Take(state);
-  const double planned = robot.Poses()[0][2].number();
+  const double planned = robot.Poses()[1][2].number();
   EXPECT_GT(std::abs(planned), 0.1) << "as the plan has it";
   truth_t truth{};
   truth.joints.resize(2);
@@ -226,8 +226,8 @@ TEST(WhipsTruth, AViewOfTheRunDrawsItsRodsAsTheyAre) {
   truth.joints[1].position_rad = 3;
   truth.joint_count = 2;
   robot.Take(truth);
-  EXPECT_EQ(robot.Poses()[0][2].number(), 3);
-  EXPECT_EQ(robot.Poses()[1][1].number(), std::round(1e4 * -0.2 * std::cos(3.0)) / 1e4);
+  EXPECT_EQ(robot.Poses()[1][2].number(), 3);
+  EXPECT_EQ(robot.Poses()[2][1].number(), std::round(1e4 * -0.2 * std::cos(3.0)) / 1e4);
 }
 
 TEST(WhipsTruth, ARobotThatSwingsDoesNotRest) {

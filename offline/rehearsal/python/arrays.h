@@ -1,10 +1,12 @@
 #pragma once
 
 #include <pybind11/numpy.h>
+#include <pybind11/stl.h>
 
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -34,6 +36,14 @@ pybind11::array_t<Number> ArrayOf(std::vector<Number> numbers,
                                   std::vector<pybind11::ssize_t> shape = {}) {
   const auto owner = std::make_shared<const std::vector<Number>>(std::move(numbers));
   return ViewOf(std::span<const Number>(*owner), owner, std::move(shape));
+}
+
+/// A read-only NumPy array of texts.
+inline pybind11::array TextArray(const std::vector<std::string>& texts) {
+  pybind11::array array =
+      pybind11::module_::import("numpy").attr("array")(pybind11::cast(texts), "str");
+  array.attr("setflags")(pybind11::arg("write") = false);
+  return array;
 }
 
 }  // namespace tumbler

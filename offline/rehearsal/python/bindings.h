@@ -9,6 +9,8 @@ namespace tumbler {
 void BindErrors(pybind11::module_& module);
 void BindMotions(pybind11::module_& module);
 void BindRecords(pybind11::module_& module);
+void BindTasks(pybind11::module_& module);
+void BindModel(pybind11::module_& module);
 void BindOptimising(pybind11::module_& module);
 void BindRehearsal(pybind11::module_& module);
 

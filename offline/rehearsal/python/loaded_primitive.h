@@ -17,6 +17,9 @@ struct LoadedPrimitive {
   std::string misfit;  ///< The reason then.
 };
 
+/// Whether two primitives are the same: the hash of their files' contents.
+bool SamePrimitive(const LoadedPrimitive& a, const LoadedPrimitive& b);
+
 using PrimitivePointer = std::shared_ptr<const LoadedPrimitive>;
 
 }  // namespace tumbler

@@ -1,10 +1,13 @@
 // Primitives and sequences in Python.
 
+#include <fmt/format.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <span>
 #include <stdexcept>
@@ -19,8 +22,10 @@
 #include "offline/problem/task_toml.h"
 #include "offline/rehearsal/python/arrays.h"
 #include "offline/rehearsal/python/bindings.h"
+#include "offline/rehearsal/python/define.h"
 #include "offline/rehearsal/python/file_error_parts.h"
 #include "offline/rehearsal/python/loaded_primitive.h"
+#include "runtime/assembly/file_keeper.h"
 
 namespace tumbler {
 
@@ -30,6 +35,10 @@ LoadedPrimitive::LoadedPrimitive(PrimitiveFile content) : file(std::move(content
   } catch (const std::invalid_argument& error) {
     misfit = error.what();
   }
+}
+
+bool SamePrimitive(const LoadedPrimitive& a, const LoadedPrimitive& b) {
+  return &a == &b || ContentHash(a.file) == ContentHash(b.file);
 }
 
 namespace {
@@ -62,6 +71,23 @@ std::vector<JointOf> JointsOfPrimitive(const PrimitivePointer& self) {
   for (const JointMotion<double>& motion : self->file.primitive.motions())
     joints.push_back({self, &motion});
   return joints;
+}
+
+/// How far beyond an end of a motion a time counts as that end, as a share of its duration: times
+/// that were rounded to single precision are still in it.
+constexpr double kTimeRounding = 1e-7;
+
+/// @throws py::value_error  about the first time that is not in the motion.
+void CheckTimes(const py::array_t<double>& times_s, double duration_s) {
+  const auto contiguous = py::array_t<double, py::array::c_style | py::array::forcecast>(times_s);
+  const double rounding_s = kTimeRounding * duration_s;
+  for (py::ssize_t i = 0; i < contiguous.size(); ++i) {
+    const double time_s = contiguous.data()[i];
+    if (time_s >= -rounding_s && time_s <= duration_s + rounding_s) continue;
+    throw py::value_error(
+        fmt::format("times_s: number {} is {} s; allowed: from 0 ... {} s, the motion's duration",
+                    i, time_s, duration_s));
+  }
 }
 
 /// Evaluates paths and feed-forward as the executor does (Executor::PlanRun, at full speed).
@@ -99,6 +125,7 @@ py::object EvaluateAs(const Primitive<Scalar>& primitive, const py::array_t<doub
 
 py::object EvaluatePrimitive(const LoadedPrimitive& self, const py::array_t<double>& times_s,
                              const py::object& dtype) {
+  CheckTimes(times_s, self.file.primitive.duration_s);
   const py::dtype wanted = py::dtype::from_args(dtype);
   if (wanted.is(py::dtype::of<double>())) return EvaluateAs(self.file.primitive, times_s);
   if (!wanted.is(py::dtype::of<float>()))
@@ -123,14 +150,82 @@ std::string CheckFile(const std::string& path) {
 struct LoadedSequence {
   SequenceFile file;
   std::vector<PrimitivePointer> primitives;
+  std::vector<LoadedFile> texts;  ///< Of the sequence and its primitives, as they were read.
 };
 
-LoadedSequence LoadSequenceOf(const std::string& path) {
+LoadedSequence LoadSequenceOf(const std::string& path, const FileReader& source) {
   LoadedSequence loaded;
-  loaded.file = LoadSequence(path);
+  FileKeeper keeper;
+  loaded.file = LoadSequence(path, keeper.reader(source));
+  loaded.texts = keeper.files();
   for (const PrimitiveFile& primitive : loaded.file.primitives)
     loaded.primitives.push_back(std::make_shared<const LoadedPrimitive>(primitive));
   return loaded;
+}
+
+/// A sequence from texts that were once read from files.
+LoadedSequence SequenceOfTexts(const std::string& path,
+                               const std::map<std::string, std::string>& texts) {
+  return LoadSequenceOf(path, [&texts](const std::string& file) {
+    const auto found = texts.find(file);
+    if (found == texts.end()) throw FileError(file, 0, "", "is not among the sequence's texts");
+    return found->second;
+  });
+}
+
+std::map<std::string, std::string> TextsOf(const LoadedSequence& sequence) {
+  std::map<std::string, std::string> texts;
+  for (const LoadedFile& file : sequence.texts) texts[file.path] = file.text;
+  return texts;
+}
+
+/// Whether two sequences are the same: their text, and their primitives by name.
+bool SameSequence(const LoadedSequence& a, const LoadedSequence& b) {
+  return a.texts.front().text == b.texts.front().text &&
+         a.file.primitive_names == b.file.primitive_names &&
+         std::ranges::equal(a.primitives, b.primitives,
+                            [](const auto& p, const auto& q) { return SamePrimitive(*p, *q); });
+}
+
+bool SameSpline(const FileSpline& a, const FileSpline& b) {
+  return a.degree() == b.degree() && std::ranges::equal(a.knots(), b.knots()) &&
+         std::ranges::equal(a.control_points(0), b.control_points(0));
+}
+
+bool SameMotion(const JointMotion<double>& a, const JointMotion<double>& b) {
+  using Limits = JointLimits<double>;
+  for (const auto member :
+       {&Limits::position_min_rad, &Limits::position_max_rad, &Limits::velocity_max_rad_s,
+        &Limits::acceleration_max_rad_s2, &Limits::torque_max_nm}) {
+    if (a.limits.*member != b.limits.*member) return false;
+  }
+  return a.name.view() == b.name.view() && SameSpline(a.position, b.position) &&
+         SameSpline(a.torque, b.torque);
+}
+
+/// The joint's place in its primitive.
+std::size_t PlaceOf(const JointOf& joint) {
+  return static_cast<std::size_t>(joint.motion - joint.owner->file.primitive.motions().data());
+}
+
+JointOf JointAt(const std::shared_ptr<LoadedPrimitive>& owner, std::size_t place) {
+  const auto motions = owner->file.primitive.motions();
+  if (place >= motions.size()) throw py::value_error("joint: is none of the primitive");
+  return {owner, &motions[place]};
+}
+
+/// What pickling keeps of a spline: its joint, and which of its two it is.
+py::tuple StateOfSpline(const SplineOf& self) {
+  for (const JointMotion<double>& motion : self.owner->file.primitive.motions()) {
+    if (self.spline != &motion.position && self.spline != &motion.torque) continue;
+    return py::make_tuple(JointOf{self.owner, &motion}, self.spline == &motion.torque);
+  }
+  throw std::logic_error("a spline is of no joint");
+}
+
+SplineOf SplineOfState(const py::tuple& state) {
+  const auto joint = state[0].cast<JointOf>();
+  return {joint.owner, state[1].cast<bool>() ? &joint.motion->torque : &joint.motion->position};
 }
 
 template <typename Text>
@@ -139,17 +234,27 @@ std::string StringOf(const Text& text) {
 }
 
 void BindSpline(py::module_& module) {
-  py::class_<SplineOf>(module, "Spline",
-                       "A clamped B-spline in the time since the motion began [s].")
-      .def_property_readonly("degree", [](const SplineOf& self) { return self.spline->degree(); })
+  py::class_<SplineOf> spline(module, "Spline",
+                              "A clamped B-spline in the time since the motion began [s].");
+  spline.def_property_readonly("degree", [](const SplineOf& self) { return self.spline->degree(); })
       .def_property_readonly(
           "knots_s", [](const SplineOf& self) { return ViewOf(self.spline->knots(), self.owner); },
           "All knots [s], the outer ones as often as the degree says, and once more.")
       .def_property_readonly(
           "control_points", [](const SplineOf& self) { return ControlPoints(self, 0); },
           "Control points, in the unit of the value.")
-      .def("derivative_control_points", &ControlPoints, py::arg("derivative"),
-           "Control points of derivative 0, 1 or 2; they bound it for all times.");
+      .def(
+          "__eq__",
+          [](const SplineOf& a, const SplineOf& b) { return SameSpline(*a.spline, *b.spline); },
+          py::is_operator())
+      .def(py::pickle(&StateOfSpline, &SplineOfState))
+      .def("__repr__", [](const SplineOf& self) {
+        return fmt::format("<tumbler.Spline of degree {}, {} control points>",
+                           self.spline->degree(), self.spline->control_points(0).size());
+      });
+  DefineMethod(spline, "derivative_control_points", &ControlPoints,
+               "Control points of derivative 0, 1 or 2; they bound it for all times.",
+               py::arg("derivative"));
 }
 
 void BindJoint(py::module_& module) {
@@ -177,9 +282,27 @@ void BindJoint(py::module_& module) {
       .def_property_readonly("velocity_max_rad_s", limit(&Limits::velocity_max_rad_s))
       .def_property_readonly("acceleration_max_rad_s2", limit(&Limits::acceleration_max_rad_s2))
       .def_property_readonly("torque_max_nm", limit(&Limits::torque_max_nm))
+      .def(
+          "__eq__",
+          [](const JointOf& a, const JointOf& b) { return SameMotion(*a.motion, *b.motion); },
+          py::is_operator())
+      .def(py::pickle(
+          [](const JointOf& self) {
+            return py::make_tuple(std::const_pointer_cast<LoadedPrimitive>(self.owner),
+                                  PlaceOf(self));
+          },
+          [](const py::tuple& state) {
+            return JointAt(state[0].cast<std::shared_ptr<LoadedPrimitive>>(),
+                           state[1].cast<std::size_t>());
+          }))
       .def("__repr__", [](const JointOf& self) {
         return "<tumbler.Joint " + StringOf(self.motion->name) + ">";
       });
+}
+
+std::shared_ptr<LoadedPrimitive> ParsedPrimitive(const std::string& text, const std::string& name) {
+  const auto parse = [&text](const std::string& n) { return ParsePrimitive(text, n); };
+  return std::make_shared<LoadedPrimitive>(Reading(name, parse));
 }
 
 void BindPrimitive(py::module_& module) {
@@ -192,24 +315,35 @@ void BindPrimitive(py::module_& module) {
     return [member](const LoadedPrimitive& self) { return self.file.primitive.*member; };
   };
   using Motion = Primitive<double>;
-  py::class_<LoadedPrimitive, std::shared_ptr<LoadedPrimitive>>(
-      module, "Primitive", "One motion of the robot's joints, as its file has it.")
-      .def_static(
-          "load",
-          [](const Path& path) {
-            return std::make_shared<LoadedPrimitive>(Reading(path.string(), LoadPrimitive));
-          },
-          py::arg("path"), "Reads and checks a primitive file. Throws FileError.")
-      .def_static(
-          "parse",
-          [](const std::string& text, const std::string& name) {
-            const auto parse = [&text](const std::string& n) { return ParsePrimitive(text, n); };
-            return std::make_shared<LoadedPrimitive>(Reading(name, parse));
-          },
-          py::arg("text"), py::arg("name") = "text",
-          "Reads and checks the text of a primitive file; `name` stands for it in messages.")
-      .def_property_readonly(
-          "name", [](const LoadedPrimitive& self) { return StringOf(self.file.primitive.name); })
+  py::class_<LoadedPrimitive, std::shared_ptr<LoadedPrimitive>> of(
+      module, "Primitive",
+      "One motion of the robot's joints, as its file has it. Primitives are equal when their\n"
+      "content_hash is.");
+  DefineStatic(
+      of, "load",
+      [](const Path& path) {
+        return std::make_shared<LoadedPrimitive>(Reading(path.string(), LoadPrimitive));
+      },
+      "Reads and checks a primitive file. Throws FileError.", py::arg("path"));
+  DefineStatic(of, "parse", &ParsedPrimitive,
+               "Reads and checks the text of a primitive file; `name` stands for it in messages.\n"
+               "Throws FileError.",
+               py::arg("text"), py::arg("name") = "text");
+  DefineMethod(
+      of, "save",
+      [](const LoadedPrimitive& self, const Path& path) {
+        // A file of any name: "-" alone would be standard output.
+        WriteResult(path == "-" ? "./-" : path.string(), ToToml(self.file));
+      },
+      "Writes the file whole, or throws and leaves what is there.", py::arg("path"));
+  DefineMethod(
+      of, "evaluate", &EvaluatePrimitive,
+      "Position, velocity, acceleration and feed-forward at times [s]: arrays of the shape of\n"
+      "`times_s` with one more dimension for the joints. float64: as the file says; float32: the\n"
+      "executor's numbers, bit for bit. Throws ValueError about times outside the motion.",
+      py::arg("times_s"), py::arg("dtype") = "float64");
+  of.def_property_readonly(
+        "name", [](const LoadedPrimitive& self) { return StringOf(self.file.primitive.name); })
       .def_property_readonly("duration_s", number(&Motion::duration_s))
       .def_property_readonly("settle_s", number(&Motion::settle_s))
       .def_property_readonly("entry_tolerance_rad", number(&Motion::entry_tolerance_rad))
@@ -229,32 +363,34 @@ void BindPrimitive(py::module_& module) {
           "text", [](const LoadedPrimitive& self) { return ToToml(self.file); },
           "The file's text (TOML), certificate and provenance included.")
       .def(
-          "save",
-          [](const LoadedPrimitive& self, const Path& path) {
-            // A file of any name: "-" alone would be standard output.
-            WriteResult(path == "-" ? "./-" : path.string(), ToToml(self.file));
-          },
-          py::arg("path"), "Writes the file whole, or throws and leaves what is there.")
-      .def(
-          "evaluate", &EvaluatePrimitive, py::arg("times_s"), py::arg("dtype") = "float64",
-          "Position, velocity, acceleration and feed-forward at times [s]: arrays of the shape of\n"
-          "`times_s` with one more dimension for the joints. float64: as the file says; float32:\n"
-          "the executor's numbers, bit for bit. Times before and after the motion count as its\n"
-          "ends.")
+          "__eq__",
+          [](const LoadedPrimitive& a, const LoadedPrimitive& b) { return SamePrimitive(a, b); },
+          py::is_operator())
+      .def("__hash__",
+           [](const LoadedPrimitive& self) { return py::hash(py::str(ContentHash(self.file))); })
+      .def(py::pickle([](const LoadedPrimitive& self) { return py::make_tuple(ToToml(self.file)); },
+                      [](const py::tuple& state) {
+                        return ParsedPrimitive(state[0].cast<std::string>(), "pickled primitive");
+                      }))
       .def("__repr__", [](const LoadedPrimitive& self) {
         return "<tumbler.Primitive " + StringOf(self.file.primitive.name) + ">";
       });
 }
 
 void BindSequence(py::module_& module) {
-  py::class_<LoadedSequence>(module, "Sequence", "Primitives, and how they may follow each other.")
-      .def_static(
-          "load", [](const Path& path) { return Reading(path.string(), LoadSequenceOf); },
-          py::arg("path"),
-          "Reads a sequence file with its primitives, and proves every join. Throws "
-          "FileError.")
-      .def_property_readonly(
-          "name", [](const LoadedSequence& self) { return StringOf(self.file.graph.name); })
+  py::class_<LoadedSequence> of(
+      module, "Sequence",
+      "Primitives, and how they may follow each other. Sequences are equal when their texts and\n"
+      "primitives are.");
+  DefineStatic(
+      of, "load",
+      [](const Path& path) {
+        return Reading(path.string(), [](const std::string& p) { return LoadSequenceOf(p, {}); });
+      },
+      "Reads a sequence file with its primitives, and proves every join. Throws FileError.",
+      py::arg("path"));
+  of.def_property_readonly(
+        "name", [](const LoadedSequence& self) { return StringOf(self.file.graph.name); })
       .def_property_readonly(
           "primitives",
           [](const LoadedSequence& self) {
@@ -305,6 +441,15 @@ void BindSequence(py::module_& module) {
             return py::tuple(py::cast(BranchNames(self.file.graph)));
           },
           "Names of the branches that can be asked for.")
+      .def("__eq__", &SameSequence, py::is_operator())
+      .def("__hash__",
+           [](const LoadedSequence& self) { return py::hash(py::str(self.texts.front().text)); })
+      .def(py::pickle(
+          [](const LoadedSequence& self) { return py::make_tuple(self.file.path, TextsOf(self)); },
+          [](const py::tuple& state) {
+            return SequenceOfTexts(state[0].cast<std::string>(),
+                                   state[1].cast<std::map<std::string, std::string>>());
+          }))
       .def("__repr__", [](const LoadedSequence& self) {
         return "<tumbler.Sequence " + StringOf(self.file.graph.name) + ">";
       });
@@ -317,10 +462,11 @@ void BindMotions(py::module_& module) {
   BindJoint(module);
   BindPrimitive(module);
   BindSequence(module);
-  module.def(
-      "check", [](const Path& path) { return Reading(path.string(), CheckFile); }, py::arg("path"),
-      "Reads and checks a primitive, sequence or task, and says which of them it is. Throws "
-      "FileError.");
+  DefineFunction(
+      module, "check", [](const Path& path) { return Reading(path.string(), CheckFile); },
+      "Reads and checks a primitive, sequence or task, and says which of them it is. Throws\n"
+      "FileError.",
+      py::arg("path"));
 }
 
 }  // namespace tumbler

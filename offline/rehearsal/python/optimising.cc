@@ -1,4 +1,4 @@
-// Tasks in Python, and finding motions for them.
+// Finding motions for tasks in Python.
 
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -16,6 +16,7 @@
 #include "offline/optimize/task_result.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rehearsal/python/bindings.h"
+#include "offline/rehearsal/python/define.h"
 #include "offline/rehearsal/python/file_error_parts.h"
 #include "offline/rehearsal/python/interruptible.h"
 #include "offline/rehearsal/python/loaded_primitive.h"
@@ -29,7 +30,7 @@ using TaskPath = std::filesystem::path;
 
 /// What came of a task.
 struct OptimiseOutcome {
-  const char* status = "";                     ///< found, not found or interrupted
+  std::string status;                          ///< found, not found or interrupted
   std::string reason;                          ///< Empty where it was found.
   std::shared_ptr<LoadedPrimitive> primitive;  ///< Null where there is none.
   std::optional<double> cost;
@@ -68,17 +69,22 @@ struct OptimiseOptions {
 /// @param asked  a path, or a Task.
 Task TaskFor(const py::object& asked, const OptimiseOptions& options) {
   const bool loaded = py::isinstance<Task>(asked);
-  const std::string name =
-      loaded ? asked.cast<const Task&>().task_file : asked.cast<TaskPath>().string();
+  std::optional<PrimitiveFile> before;
+  const std::string before_name = options.start_from ? options.start_from->string() : "";
+  if (options.start_from) before = Reading(before_name, LoadPrimitive);
   Task task;
-  if (loaded && !options.start_from) {
+  if (loaded) {
     task = asked.cast<const Task&>();
-  } else if (options.start_from) {
-    const std::string before = options.start_from->string();
-    const PrimitiveFile file = Reading(before, LoadPrimitive);
-    task = Reading(name, [&](const std::string& p) { return LoadTask(p, file, before); });
+    if (before) {
+      task = Reading(task.task_file, [&](const std::string& name) {
+        return ParseTask(task.task_text, name, task.robot_text, task.robot_file, *before,
+                         before_name);
+      });
+    }
   } else {
-    task = Reading(name, [](const std::string& p) { return LoadTask(p); });
+    task = Reading(asked.cast<TaskPath>().string(), [&](const std::string& name) {
+      return before ? LoadTask(name, *before, before_name) : LoadTask(name);
+    });
   }
   if (options.seed) {
     if (*options.seed < 0) throw py::value_error("seed: allowed: >= 0");
@@ -118,53 +124,42 @@ OptimiseOutcome Optimise(const py::object& asked, const OptimiseOptions& options
   return outcome;
 }
 
-std::vector<std::string> JointNames(const Problem& problem) {
-  std::vector<std::string> names;
-  for (const ActuatedJoint& joint : problem.joints)
-    names.push_back(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
-  return names;
+/// What pickling keeps of an outcome.
+py::tuple StateOfOutcome(const OptimiseOutcome& self) {
+  return py::make_tuple(self.status, self.reason, self.primitive, self.cost, self.evaluations,
+                        self.wall_s, self.cpu_s);
 }
 
-py::object ValuesOf(const std::string& toml) {
-  return py::module_::import("tomllib").attr("loads")(toml);
+OptimiseOutcome OutcomeOfState(const py::tuple& state) {
+  OptimiseOutcome outcome;
+  outcome.status = state[0].cast<std::string>();
+  outcome.reason = state[1].cast<std::string>();
+  outcome.primitive = state[2].cast<std::shared_ptr<LoadedPrimitive>>();
+  outcome.cost = state[3].cast<std::optional<double>>();
+  outcome.evaluations = state[4].cast<std::int64_t>();
+  outcome.wall_s = state[5].cast<double>();
+  outcome.cpu_s = state[6].cast<double>();
+  return outcome;
 }
 
-void BindTask(py::module_& module) {
-  py::class_<Task, std::shared_ptr<Task>>(module, "Task", "What is asked of a motion.")
-      .def_static(
-          "load",
-          [](const TaskPath& path) {
-            return std::make_shared<Task>(
-                Reading(path.string(), [](const std::string& p) { return LoadTask(p); }));
-          },
-          py::arg("path"), "Reads and checks a task file, and its robot. Throws FileError.")
-      .def_property_readonly("name", [](const Task& self) { return self.problem.name; })
-      .def_property_readonly("duration_s", [](const Task& self) { return self.problem.duration_s; })
-      .def_property_readonly("settle_s", [](const Task& self) { return self.problem.settle_s; })
-      .def_property_readonly("seed", [](const Task& self) { return self.problem.search.seed; })
-      .def_property_readonly(
-          "joints", [](const Task& self) { return py::tuple(py::cast(JointNames(self.problem))); },
-          "Names of the joints that move, in the order of a motion for the task.")
-      .def_property_readonly(
-          "parameters", [](const Task& self) { return self.problem.parameter_count(); },
-          "How many numbers the motion is searched over.")
-      .def_readonly("robot_file", &Task::robot_file)
-      .def_readonly("text", &Task::task_text, "The file's text (TOML).")
-      .def_property_readonly(
-          "values", [](const Task& self) { return ValuesOf(self.task_text); },
-          "The keys that the file gives, as nested dictionaries and lists.")
-      .def("__repr__", [](const Task& self) { return "<tumbler.Task " + self.problem.name + ">"; });
+/// Whether the same came of the same work: how long it took is another matter.
+bool SameOutcome(const OptimiseOutcome& a, const OptimiseOutcome& b) {
+  const bool same_primitive = a.primitive && b.primitive ? SamePrimitive(*a.primitive, *b.primitive)
+                                                         : !a.primitive && !b.primitive;
+  return same_primitive && a.status == b.status && a.reason == b.reason && a.cost == b.cost &&
+         a.evaluations == b.evaluations;
 }
 
 }  // namespace
 
 void BindOptimising(py::module_& module) {
-  BindTask(module);
   const py::object namedtuple = py::module_::import("collections").attr("namedtuple");
   module.attr("Progress") =
       namedtuple("Progress", py::make_tuple("stage", "start", "evaluations", "cost", "violation"),
                  py::arg("module") = "tumbler");
-  py::class_<OptimiseOutcome>(module, "Outcome", "What came of a task.")
+  py::class_<OptimiseOutcome>(module, "Outcome",
+                              "What came of a task. Outcomes are equal when all but their times "
+                              "is.")
       .def_readonly("status", &OptimiseOutcome::status, "'found', 'not found' or 'interrupted'.")
       .def_readonly("reason", &OptimiseOutcome::reason, "Why there is no motion; else empty.")
       .def_readonly("primitive", &OptimiseOutcome::primitive, "None where there is none.")
@@ -172,27 +167,27 @@ void BindOptimising(py::module_& module) {
       .def_readonly("evaluations", &OptimiseOutcome::evaluations)
       .def_readonly("wall_s", &OptimiseOutcome::wall_s)
       .def_readonly("cpu_s", &OptimiseOutcome::cpu_s)
-      .def("__repr__", [](const OptimiseOutcome& self) {
-        return std::string("<tumbler.Outcome ") + self.status + ">";
-      });
-  module.def(
-      "optimise",
+      .def("__eq__", &SameOutcome, py::is_operator())
+      .def(py::pickle(&StateOfOutcome, &OutcomeOfState))
+      .def("__repr__",
+           [](const OptimiseOutcome& self) { return "<tumbler.Outcome " + self.status + ">"; });
+  DefineFunction(
+      module, "optimise",
       [](const py::object& task, std::optional<std::int64_t> seed, int threads,
          const py::object& progress, bool keep_best, std::optional<TaskPath> start_from,
          std::shared_ptr<LoadedPrimitive> guess) {
         return Optimise(task, {seed, threads, keep_best, std::move(start_from), std::move(guess)},
                         progress);
       },
+      "Finds a motion for a Task or its file, as tumbler-optimize does.\n\n"
+      "The result depends on task and seed alone, not on the threads (0: one for each core).\n"
+      "`progress` is called with a Progress after every evaluation, from any thread; when it\n"
+      "returns False the search ends, and with `keep_best` the best motion so far is the\n"
+      "outcome's. What it raises, and Ctrl-C, end the search and are raised. `start_from` is the\n"
+      "file of a primitive where whose end the motion starts. Throws FileError.",
       py::arg("task"), py::kw_only(), py::arg("seed") = py::none(), py::arg("threads") = 0,
       py::arg("progress") = py::none(), py::arg("keep_best") = false,
-      py::arg("start_from") = py::none(), py::arg("guess") = py::none(),
-      "Finds a motion for a Task or its file, as tumbler-optimize does. The result depends on task "
-      "and\n"
-      "seed alone, not on the threads (0: one for each core). `progress` is called with a "
-      "Progress\n"
-      "after every evaluation, from any thread; when it returns False the search ends, and with\n"
-      "`keep_best` the best motion so far is the outcome's. What it raises, and Ctrl-C, end the\n"
-      "search and are raised. Throws FileError.");
+      py::arg("start_from") = py::none(), py::arg("guess") = py::none());
 }
 
 }  // namespace tumbler

@@ -1,4 +1,4 @@
-// Flight records in Python.
+// Flight records in Python: their columns, of which tumbler/_record.py makes objects.
 
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -15,6 +15,7 @@
 #include "offline/rehearsal/python/arrays.h"
 #include "offline/rehearsal/python/bindings.h"
 #include "offline/rehearsal/python/loaded_record.h"
+#include "offline/rehearsal/python/record_object.h"
 
 namespace tumbler {
 namespace {
@@ -45,44 +46,29 @@ py::dict ColumnsOf(const ColumnTable& table, const RecordPointer& owner) {
   return columns;
 }
 
-py::object ColumnNamed(const RecordPointer& self, const std::string& wanted) {
-  for (const auto& [name, column] : self->ticks.columns()) {
-    if (name == wanted) return ColumnArray(column, self);
-  }
-  throw py::key_error(wanted);
-}
-
 }  // namespace
 
+py::object RecordObject(const std::shared_ptr<LoadedRecord>& record) {
+  py::dict about;
+  about["name"] = record->name;
+  about["joints"] = py::tuple(py::cast(record->joints));
+  about["period_s"] = record->period_s;
+  about["remarks"] = py::tuple(py::cast(record->remarks));
+  about["complete"] = record->complete;
+  about["summary"] = record->summary;
+  return py::module_::import("tumbler._record")
+      .attr("Record")(ColumnsOf(record->ticks, record), ColumnsOf(record->truths, record), about);
+}
+
 void BindRecords(py::module_& module) {
-  py::class_<LoadedRecord, RecordPointer>(
-      module, "Record",
-      "A flight record: every tick of a run, as columns with units in their names.")
-      .def_static(
-          "load",
-          [](const std::filesystem::path& path) {
-            const py::gil_scoped_release release;
-            return std::make_shared<LoadedRecord>(LoadRecord(path.string()));
-          },
-          py::arg("path"), "Reads a whole record. Throws RecordError.")
-      .def_readonly("name", &LoadedRecord::name)
-      .def_property_readonly(
-          "joints", [](const LoadedRecord& self) { return py::tuple(py::cast(self.joints)); })
-      .def_readonly("period_s", &LoadedRecord::period_s, "Of the control loop.")
-      .def_readonly("remarks", &LoadedRecord::remarks,
-                    "How the record ends, and what is lost or damaged.")
-      .def_readonly("complete", &LoadedRecord::complete,
-                    "Whether it ended in order, and nothing is lost or damaged.")
-      .def_readonly("summary", &LoadedRecord::summary, "Several lines for people.")
-      .def_property_readonly(
-          "columns", [](const RecordPointer& self) { return ColumnsOf(self->ticks, self); },
-          "All columns by name: those of the CSV that tumbler-record writes.")
-      .def_property_readonly(
-          "truth", [](const RecordPointer& self) { return ColumnsOf(self->truths, self); },
-          "True states of a simulated robot, by the names of the message truth_t; else empty.")
-      .def("__getitem__", &ColumnNamed, py::arg("column"))
-      .def("__repr__",
-           [](const LoadedRecord& self) { return "<tumbler.Record " + self.name + ">"; });
+  module.def("_load_record", [](const std::filesystem::path& path) {
+    std::shared_ptr<LoadedRecord> record;
+    {
+      const py::gil_scoped_release release;
+      record = std::make_shared<LoadedRecord>(LoadRecord(path.string()));
+    }
+    return RecordObject(record);
+  });
 }
 
 }  // namespace tumbler

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -25,10 +26,12 @@
 #include "common/share.h"
 #include "offline/rehearsal/python/arrays.h"
 #include "offline/rehearsal/python/bindings.h"
+#include "offline/rehearsal/python/define.h"
 #include "offline/rehearsal/python/file_error_parts.h"
 #include "offline/rehearsal/python/interruptible.h"
 #include "offline/rehearsal/python/loaded_record.h"
 #include "offline/rehearsal/python/motion_path.h"
+#include "offline/rehearsal/python/record_object.h"
 #include "offline/rehearsal/python/simulated_run.h"
 #include "offline/rehearsal/robustness/spread_names.h"
 #include "offline/rehearsal/robustness/study.h"
@@ -51,7 +54,7 @@ void CheckWithin(const char* name, Number value, Number least, Number most) {
 
 /// A simulated run with its flight record.
 struct SimulatedRun {
-  std::shared_ptr<LoadedRecord> record;
+  py::object record;  ///< A tumbler.Record.
   std::string outcome;
   std::string reason;
   std::optional<bool> as_asked;
@@ -83,22 +86,27 @@ SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {
   plan.motion = path.path();
   const TemporaryFolder folder;
   if (plan.record.empty()) plan.record = (folder.path() / "run.rec").string();
-  return Interruptibly([&](std::atomic<bool>& stop) {
+  std::shared_ptr<LoadedRecord> record;
+  SimulatedRun run = Interruptibly([&](std::atomic<bool>& stop) {
     return Reading(plan.motion, [&](const std::string& /*path*/) {
       const RunSummary summary = SimulateRun(plan, stop);
-      SimulatedRun run;
-      run.record = std::make_shared<LoadedRecord>(LoadRecord(plan.record));
-      run.outcome = ToString(summary.outcome);
-      run.reason = summary.reason;
-      run.as_asked = AsAsked(summary);
-      run.json = ToJson(summary);
-      return run;
+      SimulatedRun done;
+      record = std::make_shared<LoadedRecord>(LoadRecord(plan.record));
+      done.outcome = ToString(summary.outcome);
+      done.reason = summary.reason;
+      done.as_asked = AsAsked(summary);
+      done.json = ToJson(summary);
+      return done;
     });
   });
+  run.record = RecordObject(record);
+  return run;
 }
 
 void BindSimulate(py::module_& module) {
-  py::class_<SimulatedRun>(module, "Run", "A run on the simulated robot.")
+  py::class_<SimulatedRun>(module, "Run",
+                           "A run on the simulated robot. Runs are equal when their outcomes and\n"
+                           "records are.")
       .def_readonly("record", &SimulatedRun::record, "Every tick of it, with the truth.")
       .def_readonly("outcome", &SimulatedRun::outcome,
                     "'completed', or how it ended otherwise: 'fault', 'refused'.")
@@ -112,10 +120,26 @@ void BindSimulate(py::module_& module) {
             return py::module_::import("json").attr("loads")(self.json);
           },
           "The figures that `tumbler-run sim --json` writes.")
+      .def(
+          "__eq__",
+          [](const SimulatedRun& a, const SimulatedRun& b) {
+            return a.outcome == b.outcome && a.reason == b.reason && a.as_asked == b.as_asked &&
+                   a.record.equal(b.record);
+          },
+          py::is_operator())
+      .def(py::pickle(
+          [](const SimulatedRun& self) {
+            return py::make_tuple(self.record, self.outcome, self.reason, self.as_asked, self.json);
+          },
+          [](const py::tuple& state) {
+            return SimulatedRun{state[0], state[1].cast<std::string>(),
+                                state[2].cast<std::string>(), state[3].cast<std::optional<bool>>(),
+                                state[4].cast<std::string>()};
+          }))
       .def("__repr__",
            [](const SimulatedRun& self) { return "<tumbler.Run " + self.outcome + ">"; });
-  module.def(
-      "simulate",
+  DefineFunction(
+      module, "simulate",
       [](const py::object& motion, int cycles, const std::string& branch,
          const std::string& from_node, int get_ups, double speed, double hold_s,
          const FilePath& twin, const FilePath& drives, const FilePath& faults,
@@ -134,31 +158,43 @@ void BindSimulate(py::module_& module) {
         plan.settings.hold_s = hold_s;
         return Simulate(motion, std::move(plan));
       },
+      "Plays a Primitive, or the file of a primitive or a sequence, as `tumbler-run sim` does.\n\n"
+      "It goes through the runtime, simulated drives and the twin. `from_node` is the option\n"
+      "--from, `get_ups` is --get-ups. `record` keeps the flight record in a file, which must not\n"
+      "exist. Throws FileError, Refused.",
       py::arg("motion"), py::kw_only(), py::arg("cycles") = 0, py::arg("branch") = "",
       py::arg("from_node") = "", py::arg("get_ups") = 0, py::arg("speed") = 1.0,
       py::arg("hold_s") = 2.0, py::arg("twin") = py::none(), py::arg("drives") = py::none(),
       py::arg("faults") = py::none(), py::arg("bus_faults") = py::none(),
-      py::arg("record") = py::none(),
-      "Plays a Primitive, or the file of a primitive or a sequence, through the runtime, "
-      "simulated\n"
-      "drives and the twin, as `tumbler-run sim` does. `from_node` is its --from, `get_ups` its\n"
-      "--get-ups. `record` keeps the\n"
-      "flight record in a file, which must not exist. Throws FileError, Refused.");
+      py::arg("record") = py::none());
 }
 
-/// What became of robots that are not the model.
+/// What became of robots that are not the model: one in each entry, and in each row of `sigma`.
 struct RobustnessMap {
-  RobustnessResult result;
-  std::shared_ptr<const std::vector<double>> sigma;  ///< A row for each robot.
-  std::vector<std::string> parameters;               ///< The columns of `sigma`.
+  std::vector<std::string> verdicts, reasons;
+  std::vector<bool> stands, judged;
+  std::vector<double> left_s;
+  std::shared_ptr<const std::vector<double>> sigma;
+  std::vector<std::string> parameters;  ///< The columns of `sigma`.
   std::string json;
+
+  [[nodiscard]] Share share() const {
+    return ShareOf(static_cast<int>(std::ranges::count(stands, true)),
+                   static_cast<int>(std::ranges::count(judged, true)));
+  }
 };
 
-RobustnessMap MapOf(RobustnessResult result) {
+RobustnessMap MapOf(const RobustnessResult& result) {
   RobustnessMap map;
   map.json = ToJson(result).Dump(0);
   std::vector<double> sigma;
   for (const TrialOutcome& trial : result.trials) {
+    map.verdicts.emplace_back(ToString(trial.verdict));
+    map.reasons.push_back(trial.reason);
+    map.stands.push_back(trial.stands());
+    map.judged.push_back(trial.judged());
+    map.left_s.push_back(trial.left_s < 0 ? std::numeric_limits<double>::quiet_NaN()
+                                          : trial.left_s);
     for (const RobotVariation::Deviate& deviate : trial.variation.deviates)
       sigma.push_back(deviate.sigma);
   }
@@ -167,7 +203,6 @@ RobustnessMap MapOf(RobustnessResult result) {
       map.parameters.push_back(deviate.name);
   }
   map.sigma = std::make_shared<const std::vector<double>>(std::move(sigma));
-  map.result = std::move(result);
   return map;
 }
 
@@ -213,7 +248,7 @@ RobustnessMap MapRobots(const py::object& motion, RobustnessStudy study, WorkPla
     }
     return Reading(study.motion, [&](const std::string& /*path*/) {
       WorkDone work = RunStudy(study, plan, Processes());
-      return work.result ? std::optional(MapOf(std::move(*work.result))) : std::nullopt;
+      return work.result ? std::optional(MapOf(*work.result)) : std::nullopt;
     });
   });
   callback.Rethrow();
@@ -221,57 +256,52 @@ RobustnessMap MapRobots(const py::object& motion, RobustnessStudy study, WorkPla
   return std::move(*map);
 }
 
-/// An array of what each robot's outcome has.
-template <typename Number, typename Of>
-py::array OfEachRobot(const RobustnessMap& self, const Of& of) {
-  std::vector<Number> values;
-  for (const TrialOutcome& trial : self.result.trials)
-    values.push_back(static_cast<Number>(of(trial)));
-  return ArrayOf(std::move(values));
+py::array Booleans(const std::vector<bool>& values) {
+  return ArrayOf(std::vector<std::uint8_t>(values.begin(), values.end())).view("bool");
 }
 
-py::array Verdicts(const RobustnessMap& self) {
-  std::vector<std::string> verdicts;
-  for (const TrialOutcome& trial : self.result.trials)
-    verdicts.emplace_back(ToString(trial.verdict));
-  return py::module_::import("numpy").attr("array")(verdicts, "str");
+py::tuple StateOfMap(const RobustnessMap& self) {
+  return py::make_tuple(self.verdicts, self.reasons, self.stands, self.judged, self.left_s,
+                        *self.sigma, self.parameters, self.json);
+}
+
+RobustnessMap MapOfState(const py::tuple& state) {
+  RobustnessMap map;
+  map.verdicts = state[0].cast<std::vector<std::string>>();
+  map.reasons = state[1].cast<std::vector<std::string>>();
+  map.stands = state[2].cast<std::vector<bool>>();
+  map.judged = state[3].cast<std::vector<bool>>();
+  map.left_s = state[4].cast<std::vector<double>>();
+  map.sigma = std::make_shared<const std::vector<double>>(state[5].cast<std::vector<double>>());
+  map.parameters = state[6].cast<std::vector<std::string>>();
+  map.json = state[7].cast<std::string>();
+  return map;
+}
+
+/// Whether the same became of the same robots.
+bool SameMap(const RobustnessMap& a, const RobustnessMap& b) {
+  const auto same = [](double x, double y) { return x == y || (std::isnan(x) && std::isnan(y)); };
+  return a.verdicts == b.verdicts && a.reasons == b.reasons && a.parameters == b.parameters &&
+         std::ranges::equal(a.left_s, b.left_s, same) && *a.sigma == *b.sigma;
 }
 
 void BindRobustnessMap(py::module_& module) {
   py::class_<RobustnessMap>(module, "RobustnessMap",
                             "What became of robots that are not the model, one in each row.")
-      .def_property_readonly("verdicts", &Verdicts,
-                             "'stands', 'amiss', 'fell', 'overlap', 'fault', 'got up' or\n"
-                             "'not judged' of each robot.")
       .def_property_readonly(
-          "stands",
-          [](const RobustnessMap& self) {
-            return OfEachRobot<std::uint8_t>(self, [](const auto& t) { return t.stands(); })
-                .view("bool");
-          },
+          "verdicts", [](const RobustnessMap& self) { return TextArray(self.verdicts); },
+          "'stands', 'amiss', 'fell', 'overlap', 'fault', 'got up' or 'not judged' of each robot.")
+      .def_property_readonly(
+          "stands", [](const RobustnessMap& self) { return Booleans(self.stands); },
           "Whether each robot did everything as asked.")
       .def_property_readonly(
-          "judged",
-          [](const RobustnessMap& self) {
-            return OfEachRobot<std::uint8_t>(self, [](const auto& t) { return t.judged(); })
-                .view("bool");
-          },
+          "judged", [](const RobustnessMap& self) { return Booleans(self.judged); },
           "Whether that was judged of each robot.")
       .def_property_readonly(
-          "reasons",
-          [](const RobustnessMap& self) {
-            py::list reasons;
-            for (const TrialOutcome& trial : self.result.trials) reasons.append(trial.reason);
-            return py::tuple(reasons);
-          },
+          "reasons", [](const RobustnessMap& self) { return py::tuple(py::cast(self.reasons)); },
           "In words; empty where it stands.")
       .def_property_readonly(
-          "left_s",
-          [](const RobustnessMap& self) {
-            return OfEachRobot<double>(self, [](const TrialOutcome& trial) {
-              return trial.left_s < 0 ? std::numeric_limits<double>::quiet_NaN() : trial.left_s;
-            });
-          },
+          "left_s", [](const RobustnessMap& self) { return ArrayOf(self.left_s); },
           "When each robot left the model's way for good [s since its motion began]; NaN: it did "
           "not.")
       .def_readonly("parameters", &RobustnessMap::parameters,
@@ -280,21 +310,21 @@ void BindRobustnessMap(py::module_& module) {
           "sigma",
           [](const RobustnessMap& self) {
             return ViewOf(std::span<const double>(*self.sigma), self.sigma,
-                          {static_cast<py::ssize_t>(self.result.trials.size()),
+                          {static_cast<py::ssize_t>(self.verdicts.size()),
                            static_cast<py::ssize_t>(self.parameters.size())});
           },
           "By how much each robot differs in each parameter [standard deviations].")
       .def_property_readonly(
           "share",
           [](const RobustnessMap& self) {
-            const Share share = self.result.stands();
+            const Share share = self.share();
             return share.of == 0 ? std::numeric_limits<double>::quiet_NaN() : share.value();
           },
           "Of the robots that stand, among those that were judged; NaN: none was.")
       .def_property_readonly(
           "share_95",
           [](const RobustnessMap& self) {
-            const Share share = self.result.stands();
+            const Share share = self.share();
             return std::pair(share.low, share.high);
           },
           "Confidence interval of the share at 95 %.")
@@ -304,17 +334,19 @@ void BindRobustnessMap(py::module_& module) {
             return py::module_::import("json").attr("loads")(self.json);
           },
           "The figures that `tumbler-robustness --json` writes.")
-      .def("__len__", [](const RobustnessMap& self) { return self.result.trials.size(); })
+      .def("__len__", [](const RobustnessMap& self) { return self.verdicts.size(); })
+      .def("__eq__", &SameMap, py::is_operator())
+      .def(py::pickle(&StateOfMap, &MapOfState))
       .def("__repr__", [](const RobustnessMap& self) {
-        const Share share = self.result.stands();
+        const Share share = self.share();
         return "<tumbler.RobustnessMap " + std::to_string(share.count) + " of " +
                std::to_string(share.of) + " that were judged stand>";
       });
 }
 
 void BindRobustness(py::module_& module) {
-  module.def(
-      "robustness",
+  DefineFunction(
+      module, "robustness",
       [](const py::object& motion, int robots, int cycles, const std::string& branch,
          std::uint64_t seed, double scale, const std::map<std::string, double>& spreads,
          double hold_s, int get_ups, const FilePath& drives, const FilePath& twin, bool lanes,
@@ -334,18 +366,18 @@ void BindRobustness(py::module_& module) {
         plan.threads = threads;
         return MapRobots(motion, std::move(study), std::move(plan), branch, progress);
       },
+      "Plays a motion on robots that differ from the model, as tumbler-robustness does.\n\n"
+      "It is a Primitive, or the file of a primitive or a sequence. `spreads` are standard\n"
+      "deviations by their names in its JSON, in place of the defaults. Robot number i of a seed\n"
+      "is the same whatever the number of robots and threads (0: one for each core). `progress` "
+      "is\n"
+      "called now and then with how many are known; when it returns False the work ends by\n"
+      "Refused. Throws FileError, Refused.",
       py::arg("motion"), py::kw_only(), py::arg("robots") = 100, py::arg("cycles") = 0,
       py::arg("branch") = "", py::arg("seed") = 1, py::arg("scale") = 1.0,
       py::arg("spreads") = py::dict(), py::arg("hold_s") = 2.0, py::arg("get_ups") = 0,
       py::arg("drives") = py::none(), py::arg("twin") = py::none(), py::arg("lanes") = false,
-      py::arg("threads") = 0, py::arg("progress") = py::none(),
-      "Plays a Primitive, or the file of a primitive or a sequence, on robots that differ from "
-      "the\n"
-      "model, as tumbler-robustness does. `spreads` are standard deviations by their names in its\n"
-      "JSON, in place of the defaults. Robot number i of a seed is the same whatever the number "
-      "of\n"
-      "robots and threads (0: one for each core). `progress` is called now and then with how many\n"
-      "are known; when it returns False the work ends by Refused. Throws FileError, Refused.");
+      py::arg("threads") = 0, py::arg("progress") = py::none());
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
-"""The example makes its figures."""
+"""The examples make what their page says."""
 
+import re
 import subprocess
 import sys
 
@@ -7,6 +8,7 @@ import matplotlib.image
 import support
 
 EXAMPLE = support.ROOT / "docs/examples/handstand.py"
+STUDY = support.ROOT / "docs/examples/study.py"
 
 
 def size_of(png):
@@ -27,6 +29,17 @@ class Example(support.WithFolder):
             image = matplotlib.image.imread(self.folder / f"figures/{name}.png")
             self.assertGreater(min(size_of(self.folder / f"figures/{name}.png")), 500)
             self.assertGreater(image[..., :3].std(), 0.05)  # It is not of one colour.
+
+
+class Study(support.WithFolder):
+    def test_of_five_tasks_in_a_process_pool_says_what_came_of_each(self):
+        done = subprocess.run([sys.executable, "-B", STUDY, "20"], capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        lines = done.stdout.splitlines()
+        self.assertEqual([line.split(":")[0] for line in lines], ["0.6 s", "0.65 s", "0.7 s", "0.75 s", "0.8 s"])
+        found = [line for line in lines if re.search(r": cost [0-9.e-]+, [0-9]+% of 20 robots stand$", line)]
+        self.assertEqual(found, lines)
+        self.assertEqual(len({line.split("cost")[1].split(",")[0] for line in found}), 5)  # Each its own motion.
 
 
 if __name__ == "__main__":

@@ -92,14 +92,28 @@ class Primitives(support.WithFolder):
         self.assertEqual(primitive.evaluate(0.5).position_rad.shape, (2,))
         self.assertEqual(primitive.evaluate(np.zeros((3, 4))).torque_nm.shape, (3, 4, 2))
         self.assertEqual(primitive.evaluate([]).velocity_rad_s.shape, (0, 2))
-        table = primitive.evaluate(np.linspace(0, 1, 12).reshape(3, 4).T)
-        self.assertEqual(table.position_rad[1, 2, 0], primitive.evaluate(np.linspace(0, 1, 12)[9]).position_rad[0])
+        table = primitive.evaluate(np.linspace(0, 0.7, 12).reshape(3, 4).T)
+        self.assertEqual(table.position_rad[1, 2, 0], primitive.evaluate(np.linspace(0, 0.7, 12)[9]).position_rad[0])
 
-    def test_times_outside_the_motion_count_as_its_ends(self):
+    def test_times_that_are_not_in_the_motion_are_refused_with_their_number(self):
         primitive = load("handstand.toml")
-        position = primitive.evaluate([-1, 0, primitive.duration_s, 1e9]).position_rad
-        np.testing.assert_array_equal(position[0], position[1])
-        np.testing.assert_array_equal(position[2], position[3])
+        for times, message in (
+            ([0.1, 0.8], r"times_s: number 1 is 0.8 s; allowed: from 0 ... 0.723 s"),
+            (-1e-6, "number 0 is -1e-06 s"),
+            ([[0.0, np.nan]], "number 1 is nan s"),
+            ([np.inf], "number 0 is inf s"),
+        ):
+            for dtype in ("float64", "float32"):
+                with self.assertRaisesRegex(ValueError, message):
+                    primitive.evaluate(times, dtype=dtype)
+
+    def test_ends_that_were_rounded_to_single_precision_are_in_the_motion(self):
+        primitive = load("handstand.toml")
+        rounded = np.float32(primitive.duration_s)
+        self.assertNotEqual(rounded, primitive.duration_s)
+        for dtype in ("float64", "float32"):
+            got = primitive.evaluate([rounded, primitive.duration_s], dtype=dtype).position_rad
+            np.testing.assert_allclose(got[0], got[1], rtol=0, atol=1e-6)
 
     def test_other_types_of_numbers_are_refused(self):
         with self.assertRaisesRegex(ValueError, "float32"):

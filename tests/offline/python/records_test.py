@@ -122,6 +122,8 @@ class Simulations(support.WithFolder):
             {"motion": gait},
             {"motion": gait, "cycles": 1, "branch": "nowhere"},
             {"motion": HANDSTAND, "speed": 2.0},
+            {"motion": HANDSTAND, "speed": np.nan},
+            {"motion": HANDSTAND, "hold_s": np.nan},
         ):
             with self.assertRaises(ValueError):
                 tumbler.simulate(**arguments)

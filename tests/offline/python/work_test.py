@@ -163,7 +163,14 @@ class Robustness(support.WithFolder):
             tumbler.robustness(HANDSTAND, robots=100000, progress=lambda known: False)
 
     def test_refuses_what_it_does_not_know(self):
-        for arguments in ({"spreads": {"mas": 1}}, {"spreads": {"mass": 2.0}}, {"robots": 0}, {"cycles": 1}):
+        for arguments in (
+            {"spreads": {"mas": 1}},
+            {"spreads": {"mass": 2.0}},
+            {"spreads": {"mass": np.nan}},
+            {"robots": 0},
+            {"cycles": 1},
+            {"scale": np.nan},
+        ):
             with self.assertRaises(ValueError):
                 tumbler.robustness(HANDSTAND, **arguments)
 

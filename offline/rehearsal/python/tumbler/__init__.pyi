@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+__version__: str
+
 class FileError(ValueError):
     """A file that cannot be used. The whole message says what is wrong and what is allowed."""
 
@@ -60,7 +62,7 @@ class Joint:
     def torque_max_nm(self) -> float: ...
 
 class Primitive:
-    """One motion of the robot's joints, as its file has it."""
+    """One motion of the robot's joints, as its file has it. Primitives are equal when their content_hash is."""
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Primitive: ...
@@ -106,10 +108,15 @@ class Sequence:
     def branches(self) -> tuple[str, ...]: ...
 
 class Task:
-    """What is asked of a motion."""
+    """What is asked of a motion. Tasks never change, and are equal when their text and their robot's are."""
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Task: ...
+    @staticmethod
+    def from_toml(text: str, name: str = "task.toml", robot_text: str | None = None) -> Task: ...
+    @staticmethod
+    def from_values(values: Mapping[str, Any], name: str = "task.toml", robot_text: str | None = None) -> Task: ...
+    def replace(self, changes: Mapping[str, Any] | None = None, robot_text: str | None = None, **keys: Any) -> Task: ...
     @property
     def name(self) -> str: ...
     @property
@@ -123,15 +130,83 @@ class Task:
     @property
     def parameters(self) -> int: ...
     @property
+    def file(self) -> str: ...
+    @property
     def robot_file(self) -> str: ...
     @property
     def text(self) -> str: ...
     @property
+    def robot_text(self) -> str: ...
+    @property
     def values(self) -> dict[str, Any]: ...
+    @property
+    def model(self) -> Model: ...
 
-class Record:
-    """A flight record: every tick of a run, as columns with units in their names."""
+class Derivatives(NamedTuple):
+    """Of the results of Model.g (rows) by its arguments (columns), for each state."""
 
+    q: npt.NDArray[np.float64]
+    qd: npt.NDArray[np.float64]
+    input: npt.NDArray[np.float64]
+
+class Kinematics(NamedTuple):
+    """The frames of all links in the world, for each state: x and z, and pitch from +x towards +z."""
+
+    position_m: npt.NDArray[np.float64]
+    pitch_rad: npt.NDArray[np.float64]
+    velocity_m_s: npt.NDArray[np.float64]
+    pitch_rate_rad_s: npt.NDArray[np.float64]
+
+class Contacts(NamedTuple):
+    """The contacts of all states that carry force, one in each entry, and each row of x and z."""
+
+    state: npt.NDArray[np.int64]
+    shape: npt.NDArray[np.str_]
+    touches: npt.NDArray[np.str_]
+    depth_m: npt.NDArray[np.float64]
+    normal_force_n: npt.NDArray[np.float64]
+    point_m: npt.NDArray[np.float64]
+    force_n: npt.NDArray[np.float64]
+    normal: npt.NDArray[np.float64]
+
+class Model:
+    """A task's robot on its ground, in the x-z plane. The last dimension of arrays is that of `coordinates`."""
+
+    @property
+    def task(self) -> Task: ...
+    @property
+    def coordinates(self) -> tuple[str, ...]: ...
+    @property
+    def prescribed(self) -> tuple[bool, ...]: ...
+    @property
+    def links(self) -> tuple[str, ...]: ...
+    @property
+    def start(self) -> npt.NDArray[np.float64]: ...
+    def g(
+        self,
+        q: npt.ArrayLike,
+        qd: npt.ArrayLike | None = None,
+        input: npt.ArrayLike | None = None,
+        *,
+        contact: bool = True,
+    ) -> npt.NDArray[np.float64]: ...
+    def dg(
+        self,
+        q: npt.ArrayLike,
+        qd: npt.ArrayLike | None = None,
+        input: npt.ArrayLike | None = None,
+        *,
+        contact: bool = True,
+    ) -> Derivatives: ...
+    def kinematics(self, q: npt.ArrayLike, qd: npt.ArrayLike | None = None) -> Kinematics: ...
+    def contacts(self, q: npt.ArrayLike, qd: npt.ArrayLike | None = None) -> Contacts: ...
+
+class Record(dict[str, npt.NDArray[Any]]):
+    """A flight record: every tick of a run, as read-only columns with units in their names."""
+
+    def __init__(
+        self, columns: dict[str, npt.NDArray[Any]], truth: dict[str, npt.NDArray[Any]], about: Mapping[str, Any]
+    ) -> None: ...
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record: ...
     @property
@@ -150,7 +225,6 @@ class Record:
     def columns(self) -> dict[str, npt.NDArray[Any]]: ...
     @property
     def truth(self) -> dict[str, npt.NDArray[Any]]: ...
-    def __getitem__(self, column: str) -> npt.NDArray[Any]: ...
 
 class Progress(NamedTuple):
     """One evaluation of a search for a motion: in stage 'search' or 'solve'."""
