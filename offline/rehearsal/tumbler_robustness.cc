@@ -20,7 +20,7 @@
 #include "common/result_file.h"
 #include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/robustness/robustness_page.h"
-#include "offline/rehearsal/robustness/spread_names.h"
+#include "offline/rehearsal/robustness/spread_options.h"
 #include "offline/rehearsal/robustness/study.h"
 #include "offline/report/page_file.h"
 
@@ -64,11 +64,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("--branch", arguments.branch, "Take this branch once the cycles are done");
   line.Seed(arguments.seed, "Of the robots; 1 if left out");
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();
-  for (const SpreadName& spread : kSpreadNames) {
-    line.Option(spread.option, study.spreads.*spread.member, spread.help)
-        .Within(0.0, spread.max)
-        .ShowDefault();
-  }
+  DeclareSpreads(line, study.spreads);
   line.Option(
       "--drives", study.drives,
       "Drives file; without it, that which the twin file names, or the default drives with the "
