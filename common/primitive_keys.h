@@ -301,6 +301,33 @@ inline constexpr auto kRobustnessKeys = AllRequired(std::array{
     KeyOf<&RobustnessFigure::drives_hash>("drives_hash", "of that file; empty as `drives_file` is"),
 });
 
+inline constexpr auto kWindowKeys = AllRequired(std::array{
+    KeyOf<&GroundWindow::mu>(
+        "mu", Range::Positive(),
+        "the least and the largest coefficient of friction between which the model is as asked, "
+        "everything else as in the task"),
+    KeyOf<&GroundWindow::mu_scanned>(
+        "mu_scanned", Range::Positive(),
+        "between which values that was looked at: a window that ends there reaches at least so far")
+        .Allowed("around `mu`"),
+    KeyOf<&GroundWindow::stiffness_n_per_m>("stiffness_n_per_m", Range::Positive(),
+                                            "likewise, of the contact's stiffness"),
+    KeyOf<&GroundWindow::stiffness_scanned_n_per_m>("stiffness_scanned_n_per_m", Range::Positive(),
+                                                    "likewise")
+        .Allowed("around `stiffness_n_per_m`"),
+    KeyOf<&GroundWindow::damping_n_s_per_m>("damping_n_s_per_m", Range::Positive(),
+                                            "likewise, of the contact's damping"),
+    KeyOf<&GroundWindow::damping_scanned_n_s_per_m>("damping_scanned_n_s_per_m", Range::Positive(),
+                                                    "likewise")
+        .Allowed("around `damping_n_s_per_m`"),
+    KeyOf<&GroundWindow::hold_s>("hold_s", {0, 3600}, "after the motion"),
+    KeyOf<&GroundWindow::where>("where", RobustnessFigure::kWhereNames,
+                                "what the model was played in"),
+    KeyOf<&GroundWindow::drives_file>("drives_file",
+                                      "a name for people; empty: the default drives"),
+    KeyOf<&GroundWindow::drives_hash>("drives_hash", "of that file; empty as `drives_file` is"),
+});
+
 inline constexpr auto kProvenanceKeys = AllRequired(std::array{
     KeyOf<&Provenance::tool>("tool", "program and version"),
     KeyOf<&Provenance::seed>("seed", Range::NonNegative(), ""),

@@ -437,6 +437,13 @@ Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive,
   return certificate;
 }
 
+void CheckDrivesNames(const TomlTable& table, const std::string& file, const std::string& hash) {
+  if (file.empty() == hash.empty()) return;
+  table.Fail("drives_hash",
+             "and drives_file are both empty, or neither is; allowed: both names "
+             "of the drives file, or both empty for the default drives");
+}
+
 RobustnessFigure ReadRobustness(TomlTable& table) {
   RobustnessFigure figure;
   ReadKeys(table, kRobustnessKeys, figure);
@@ -453,12 +460,26 @@ RobustnessFigure ReadRobustness(TomlTable& table) {
   };
   check("share_95_low", figure.share_95_low, share.low);
   check("share_95_high", figure.share_95_high, share.high);
-  if (figure.drives_file.empty() != figure.drives_hash.empty()) {
-    table.Fail("drives_hash",
-               "and drives_file are both empty, or neither is; allowed: both names "
-               "of the drives file, or both empty for the default drives");
-  }
+  CheckDrivesNames(table, figure.drives_file, figure.drives_hash);
   return figure;
+}
+
+GroundWindow ReadWindow(TomlTable table) {
+  GroundWindow window;
+  ReadKeys(table, kWindowKeys, window);
+  const auto check = [&table](std::string_view key, const GroundWindow::Ends& ends,
+                              const GroundWindow::Ends& scanned) {
+    if (scanned[0] <= ends[0] && ends[0] <= ends[1] && ends[1] <= scanned[1]) return;
+    table.Fail(key, fmt::format("goes from {} to {}; allowed: upwards, within what was scanned, "
+                                "which is {} to {}",
+                                MessageNumber(ends[0]), MessageNumber(ends[1]),
+                                MessageNumber(scanned[0]), MessageNumber(scanned[1])));
+  };
+  check("mu", window.mu, window.mu_scanned);
+  check("stiffness_n_per_m", window.stiffness_n_per_m, window.stiffness_scanned_n_per_m);
+  check("damping_n_s_per_m", window.damping_n_s_per_m, window.damping_scanned_n_s_per_m);
+  CheckDrivesNames(table, window.drives_file, window.drives_hash);
+  return window;
 }
 
 Provenance ReadProvenance(TomlTable table, Derived derived) {
@@ -538,6 +559,8 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);
   for (TomlTable& robustness : root.OptionalTables("robustness"))
     file.robustness.push_back(ReadRobustness(robustness));
+  if (std::optional<TomlTable> window = root.OptionalTable("window"))
+    file.window = ReadWindow(*std::move(window));
   file.provenance = ReadProvenance(root.Table("provenance"), derived);
   root.RejectUnknownKeys();
   if (derived == Derived::kChecked) {
@@ -570,6 +593,7 @@ std::string SignEdited(std::string_view text, const std::string& name, const std
   file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
   file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
   file.robustness.clear();    // It was of another motion,
+  file.window.reset();        // as this was,
   file.abort_figure.reset();  // or of another table.
   Provenance& provenance = file.provenance;
   provenance.robot_hash = HashOfText(provenance.robot_urdf);
@@ -585,6 +609,34 @@ std::string ToText(const RobustnessFigure& figure) {
                      figure.scale, figure.spreads, figure.seed,
                      figure.where == RobustnessFigure::Where::kLanes ? "in lanes" : "in the twin",
                      figure.drives_file.empty() ? "default drives" : figure.drives_file);
+}
+
+std::string GroundValueText(double value) {
+  if (!(value >= 1000)) return fmt::format("{:.3g}", value);
+  double unit = 1;
+  while (value >= 1000 * unit) unit *= 10;
+  return fmt::format("{:.0f}", unit * std::round(value / unit));
+}
+
+std::string WindowText(const GroundWindow::Ends& window, const GroundWindow::Ends& scanned) {
+  return fmt::format("{}{} to {}{}", GroundValueText(window[0]),
+                     window[0] == scanned[0] ? " or less" : "", GroundValueText(window[1]),
+                     window[1] == scanned[1] ? " or more" : "");
+}
+
+std::vector<std::pair<std::string, std::string>> WindowLines(const GroundWindow& window) {
+  const std::string how = fmt::format(
+      "{}, {}", window.where == RobustnessFigure::Where::kLanes ? "in lanes" : "in the twin",
+      window.drives_file.empty() ? "default drives" : window.drives_file);
+  return {
+      {"as asked with friction",
+       fmt::format("{}; {}", WindowText(window.mu, window.mu_scanned), how)},
+      {"as asked with stiffness",
+       fmt::format("{} N/m; {}",
+                   WindowText(window.stiffness_n_per_m, window.stiffness_scanned_n_per_m), how)},
+      {"as asked with damping",
+       fmt::format("{} N s/m; {}",
+                   WindowText(window.damping_n_s_per_m, window.damping_scanned_n_s_per_m), how)}};
 }
 
 std::string MakerOf(const Provenance& provenance) {
@@ -622,6 +674,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kPurposePointKeys, "`[[purpose]]`"),
                    {{"", "`[certificate]`", "", "", "see [method.md](method.md#certificate)"}},
                    RowsOf(kRobustnessKeys, "`[[robustness]]`"),
+                   RowsOf(kWindowKeys, "`[window]`"),
                    RowsOf(kProvenanceKeys, "`[provenance]`"),
                    RowsOf(kStartFileKeys, "`[provenance]`"),
                    RowsOf(kGuessFileKeys, "`[provenance]`"),

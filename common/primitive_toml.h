@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/key_table.h"
@@ -102,6 +103,23 @@ struct RobustnessFigure {
   std::string drives_hash;     ///< HashOfText of that file; empty when `drives_file` is.
 };
 
+/// In which values of the ground's properties the motion is as asked of the model: of each one the
+/// values around the task's that go without a gap, everything else as in the task
+/// (`tumbler-robustness --window --certify`). It was about the motion as it is in this file.
+struct GroundWindow {
+  /// The least and the largest value of a window, and those that were looked at. An end that is one
+  /// of these may not be the window's own: it reaches at least so far.
+  using Ends = std::array<double, 2>;
+
+  Ends mu{}, mu_scanned{};                                          ///< Coefficient of friction.
+  Ends stiffness_n_per_m{}, stiffness_scanned_n_per_m{};            ///< Likewise.
+  Ends damping_n_s_per_m{}, damping_scanned_n_s_per_m{};            ///< Likewise.
+  double hold_s = 0;                                                ///< After the motion.
+  RobustnessFigure::Where where = RobustnessFigure::Where::kLanes;  ///< What it was played in.
+  std::string drives_file;  ///< A name for people; empty: the default drives.
+  std::string drives_hash;  ///< HashOfText of that file; empty when `drives_file` is.
+};
+
 /// How the table of aborts was found (`tumbler-abort`), and how hard the impacts were of the robots
 /// that it was found for.
 struct AbortFigure {
@@ -180,6 +198,8 @@ struct PrimitiveFile {
   Certificate certificate;
   /// Empty: nobody has looked.
   std::vector<RobustnessFigure> robustness;
+  /// None: nobody has looked.
+  std::optional<GroundWindow> window;
   Provenance provenance;
 };
 
@@ -213,6 +233,13 @@ std::string SignEdited(std::string_view text, const std::string& name, const std
 
 /// What a figure says, for people: the share with its interval, and of which robots it is.
 std::string ToText(const RobustnessFigure& figure);
+
+/// A value of a ground's property for people: three digits, without an exponent.
+std::string GroundValueText(double value);
+/// A window in words: its ends, of which one at the scan's limit says "or less" or "or more".
+std::string WindowText(const GroundWindow::Ends& window, const GroundWindow::Ends& scanned);
+/// The windows of the three properties by their names, in words.
+std::vector<std::pair<std::string, std::string>> WindowLines(const GroundWindow& window);
 
 /// What made the motion, for people: the tool, and why the file was changed by hand where it was.
 std::string MakerOf(const Provenance& provenance);

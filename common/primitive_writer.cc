@@ -142,6 +142,10 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
     writer.Line("\n[[robustness]]");
     WriteKeys(writer, kRobustnessKeys, figure);
   }
+  if (file.window) {
+    writer.Line("\n[window]  # of the ground, in which the model is as asked");
+    WriteKeys(writer, kWindowKeys, *file.window);
+  }
   WriteProvenance(writer, file.provenance);
   return writer.Take();
 }

@@ -82,6 +82,9 @@ ExitStatus Check(const Arguments& arguments) {
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {
     for (const RobustnessFigure& figure : file.primitives[i].robustness)
       fmt::print("{}: robots as asked: {}\n", file.primitive_names[i], ToText(figure));
+    if (!file.primitives[i].window) continue;
+    for (const auto& [what, text] : WindowLines(*file.primitives[i].window))
+      fmt::print("{}: {}: {}\n", file.primitive_names[i], what, text);
   }
   fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
              file.graph.node_count, joins.size());

@@ -2,13 +2,21 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "common/index.h"
+#include "common/portable/functions.h"
 #include "offline/ensemble/normal.h"
 
 namespace tumbler {
 namespace {
+
+/// base^exponent, exactly base where the exponent is 1.
+double Raised(double base, double exponent) {
+  return exponent == 1 ? base : portable::Power(base, exponent);
+}
 
 /// Draws departures and notes them.
 struct Drawer {
@@ -31,6 +39,19 @@ struct Drawer {
       return 1 + spread * sigma;
     }
   }
+  /// @param model        the model's value.
+  /// @param logarithmic  whether it is the logarithms of a range that are uniform.
+  double Ground(const GroundSpread& spread, double model, bool logarithmic,
+                const std::string& name) {
+    if (const double* deviation = spread.deviation()) return Factor(*deviation, name);
+    const double part = normal.DrawUniform();
+    deviates.push_back({name, scale * std::sqrt(3.0) * (2 * part - 1)});
+    if (const GroundSpread::EitherWay* either = spread.either_way())
+      return Raised(either->most, scale * (2 * part - 1));
+    const auto [from, to] = *spread.between();
+    const double value = logarithmic ? from * Raised(to / from, part) : from + part * (to - from);
+    return Raised(value / model, scale);
+  }
 };
 
 }  // namespace
@@ -48,8 +69,10 @@ std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
   return v;
 }
 
-RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, double scale,
+RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scale,
                          std::uint64_t seed, std::uint64_t index) {
+  const PlanarRobot& robot = scene.robot;
+  const ContactLaw& contact = scene.contact;
   RobotVariation v;
   Drawer draw{Normal(seed, index), scale, v.deviates};
   for (std::size_t dof = Index(robot.first_body()); dof < robot.body_names.size(); ++dof) {
@@ -66,9 +89,9 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
     joint.gain = draw.Factor(spreads.gain, "gains" + of);
     joint.torque_limit = draw.Factor(spreads.torque_limit, "torque limit" + of);
   }
-  v.friction = draw.Factor(spreads.friction, "friction");
-  v.stiffness = draw.Factor(spreads.stiffness, "stiffness");
-  v.damping = draw.Factor(spreads.damping, "damping");
+  v.friction = draw.Ground(spreads.friction, contact.mu, false, "friction");
+  v.stiffness = draw.Ground(spreads.stiffness, contact.stiffness_n_per_m, true, "stiffness");
+  v.damping = draw.Ground(spreads.damping, contact.damping_n_s_per_m, true, "damping");
   v.slope_rad = draw.Shift(spreads.slope_rad, "slope");
   // What is drawn last leaves everything before as it is.
   v.delay_s = std::abs(draw.Shift(spreads.delay_s, "delay"));
@@ -82,6 +105,38 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
   if (robot.root_dofs > 0)
     v.start_pitch_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate of pitch");
   return v;
+}
+
+std::string MistakeInRanges(const ContactLaw& model, const Spreads& spreads) {
+  const auto mistake = [](const GroundSpread& spread, double value, const char* name) {
+    if (spread.deviation() != nullptr || value != 0) return std::string();
+    return fmt::format(
+        "{} has a range, {}, but the contact law's is 0, of which nothing is a factor; give the "
+        "task another one, or robots no range",
+        name, ToText(spread));
+  };
+  std::string text = mistake(spreads.friction, model.mu, "friction");
+  if (text.empty()) text = mistake(spreads.damping, model.damping_n_s_per_m, "damping");
+  return text;
+}
+
+int FinerStepsFor(double stiffness, double damping) {
+  // Usual steps take robots that differ by usual spreads at twice their size.
+  constexpr double kUsual = 2.5;
+  const double finer = std::max(std::sqrt(stiffness / kUsual), damping / kUsual);
+  return std::max(1, static_cast<int>(std::ceil(finer)));
+}
+
+int FinerStepsFor(const ContactLaw& model, const Spreads& spreads, double scale) {
+  const auto most = [scale](const GroundSpread& spread, double value) {
+    if (const GroundSpread::EitherWay* either = spread.either_way())
+      return Raised(either->most, scale);
+    if (const GroundSpread::Between* between = spread.between())
+      return Raised(std::max(between->to / value, 1.0), scale);
+    return 1.0;
+  };
+  return FinerStepsFor(most(spreads.stiffness, model.stiffness_n_per_m),
+                       most(spreads.damping, model.damping_n_s_per_m));
 }
 
 Scene Varied(Scene scene, const RobotVariation& v) {

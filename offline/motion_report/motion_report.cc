@@ -70,6 +70,9 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
     data.certificate.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
   for (const RobustnessFigure& figure : file.robustness)
     data.certificate.emplace_back("robots as asked", ToText(figure));
+  if (file.window) {
+    for (auto& line : WindowLines(*file.window)) data.certificate.push_back(std::move(line));
+  }
   data.certificate.emplace_back("primitive", ContentHash(file));
   data.certificate.emplace_back("robot", file.provenance.robot_hash);
   data.certificate.emplace_back("task", file.provenance.task_hash);
@@ -100,6 +103,9 @@ ReportData MakeChainReport(const SimulatedMotion& motion, const ChainOptions& op
       data.certificate.emplace_back(fmt::format("robots as asked ({})", file.primitive_names[i]),
                                     ToText(figure));
     }
+    if (!file.primitives[i].window) continue;
+    for (const auto& [what, text] : WindowLines(*file.primitives[i].window))
+      data.certificate.emplace_back(fmt::format("{} ({})", what, file.primitive_names[i]), text);
   }
   data.certificate.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
   for (const PlayedNode& p : outcome.passages) {

@@ -21,6 +21,44 @@ struct RobustEntry : Spreads, LaneDrive, RobustSettings {
 
 constexpr Range kPart{0, 1};
 
+/// Reads a number, `{ from = A, to = B }` or `{ factor = F }`.
+template <GroundSpread Spreads::*kMember, const GroundSpreadLimits& kLimits>
+void ReadGroundSpread(TomlTable& table, std::string_view key, RobustEntry& entry) {
+  if (!table.IsTable(key)) {
+    entry.*kMember = table.Number(key, {0, kLimits.most_deviation});
+    return;
+  }
+  TomlTable range = table.Table(key);
+  const bool factor = range.Has("factor");
+  if (factor == (range.Has("from") || range.Has("to"))) {
+    table.Fail(key, fmt::format("{}; allowed: {}: write a number, {{ from = A, to = B }} or "
+                                "{{ factor = F }}",
+                                factor ? "has a factor beside from and to"
+                                       : "is a table without from, to and factor",
+                                kLimits.Allowed()));
+  }
+  if (factor) {
+    entry.*kMember =
+        GroundSpread::EitherWay{range.Number("factor", {1, kLimits.most_factor, true})};
+    return;
+  }
+  GroundSpread::Between between;
+  between.from = range.Number("from", {0, kLimits.most_value, true});
+  between.to = range.Number("to", {0, kLimits.most_value, true});
+  if (const std::string mistake = MistakeIn(between, kLimits); !mistake.empty())
+    range.Fail("to", mistake);
+  entry.*kMember = between;
+}
+
+template <GroundSpread Spreads::*kMember, const GroundSpreadLimits& kLimits>
+constexpr FileKey<RobustEntry> GroundKey(std::string_view name, const char* allowed,
+                                         const char* meaning, const char* schema) {
+  return KeyReadBy<RobustEntry>(name, ReadGroundSpread<kMember, kLimits>, meaning)
+      .Default("0.2")
+      .Allowed(allowed)
+      .Schema(schema);
+}
+
 constexpr std::array kRobustKeys = {
     KeyOf<&Spreads::mass, RobustEntry>("mass", kPart, "factor of each link's mass and inertia"),
     KeyOf<&Spreads::inertia, RobustEntry>("inertia", kPart,
@@ -28,9 +66,32 @@ constexpr std::array kRobustKeys = {
     KeyOf<&Spreads::mass_centre_m, RobustEntry>("mass_centre_m", kPart,
                                                 "each link's centre of mass, along its x"),
     KeyOf<&Spreads::length, RobustEntry>("length", kPart, "factor of each link's x"),
-    KeyOf<&Spreads::friction, RobustEntry>("friction", kPart, "factor of `contact.mu`"),
-    KeyOf<&Spreads::stiffness, RobustEntry>("stiffness", kPart, "factor of the contact's"),
-    KeyOf<&Spreads::damping, RobustEntry>("damping", kPart, "likewise"),
+    GroundKey<&Spreads::friction, kFrictionSpreadLimits>(
+        "friction",
+        "0 to 1, or a [range](#spreads-of-the-ground) up to 10 or of a factor up to 100",
+        "factor of `contact.mu`, or a range of mu",
+        R"({"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, )"
+        R"({"type": "object", "properties": {"from": {"type": "number", "exclusiveMinimum": 0, )"
+        R"("maximum": 10}, "to": {"type": "number", "exclusiveMinimum": 0, "maximum": 10}}, )"
+        R"("required": ["from", "to"], "additionalProperties": false}, )"
+        R"({"type": "object", "properties": {"factor": {"type": "number", "exclusiveMinimum": 1, )"
+        R"("maximum": 100}}, "required": ["factor"], "additionalProperties": false}]})"),
+    GroundKey<&Spreads::stiffness, kStiffnessSpreadLimits>(
+        "stiffness", "likewise, up to 1e8", "factor of the contact's, or a range of it [N/m]",
+        R"({"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, )"
+        R"({"type": "object", "properties": {"from": {"type": "number", "exclusiveMinimum": 0, )"
+        R"("maximum": 1e8}, "to": {"type": "number", "exclusiveMinimum": 0, "maximum": 1e8}}, )"
+        R"("required": ["from", "to"], "additionalProperties": false}, )"
+        R"({"type": "object", "properties": {"factor": {"type": "number", "exclusiveMinimum": 1, )"
+        R"("maximum": 100}}, "required": ["factor"], "additionalProperties": false}]})"),
+    GroundKey<&Spreads::damping, kDampingSpreadLimits>(
+        "damping", "likewise, up to 1e6", "likewise [N s/m]",
+        R"({"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, )"
+        R"({"type": "object", "properties": {"from": {"type": "number", "exclusiveMinimum": 0, )"
+        R"("maximum": 1e6}, "to": {"type": "number", "exclusiveMinimum": 0, "maximum": 1e6}}, )"
+        R"("required": ["from", "to"], "additionalProperties": false}, )"
+        R"({"type": "object", "properties": {"factor": {"type": "number", "exclusiveMinimum": 1, )"
+        R"("maximum": 100}}, "required": ["factor"], "additionalProperties": false}]})"),
     KeyOf<&Spreads::gain, RobustEntry>("gain", kPart, "factor of each joint's kp and kd"),
     KeyOf<&Spreads::torque_limit, RobustEntry>("torque_limit", kPart,
                                                "factor of each joint's torque limit"),
@@ -185,6 +246,10 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
     root.Fail("robust",
               "simulates in steps that are too coarse for a robot that swings on a bar; allowed: "
               "with root = \"planar-xz\"");
+  }
+  if (const std::string mistake = MistakeInRanges(problem.scene.contact, settings.spreads);
+      !mistake.empty()) {
+    root.Fail("robust", mistake);
   }
   try {
     static_cast<void>(MakeLaneScene(problem.scene, settings.drive));

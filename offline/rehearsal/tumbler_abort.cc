@@ -15,7 +15,7 @@
 #include "common/result_file.h"
 #include "offline/rehearsal/aborts/abort_check.h"
 #include "offline/rehearsal/aborts/abort_study.h"
-#include "offline/rehearsal/robustness/spread_names.h"
+#include "offline/rehearsal/robustness/spread_options.h"
 
 namespace tumbler {
 namespace {
@@ -57,11 +57,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
       .Within(0.005, 1.0)
       .ShowDefault();
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();
-  for (const SpreadName& spread : kSpreadNames) {
-    line.Option(spread.option, study.spreads.*spread.member, spread.help)
-        .Within(0.0, spread.max)
-        .ShowDefault();
-  }
+  DeclareSpreads(line, study.spreads);
   line.Option(
       "--drives", study.drives,
       "Drives file; without it, that which the twin file names, or the default drives with the "

@@ -20,8 +20,9 @@
 #include "common/result_file.h"
 #include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/robustness/robustness_page.h"
-#include "offline/rehearsal/robustness/spread_names.h"
+#include "offline/rehearsal/robustness/spread_options.h"
 #include "offline/rehearsal/robustness/study.h"
+#include "offline/rehearsal/robustness/window.h"
 #include "offline/report/page_file.h"
 
 namespace tumbler {
@@ -29,10 +30,11 @@ namespace {
 
 constexpr const char* kExitCodes =
     R"(Exit codes:
-  0  done: every robot was judged, however many stand
+  0  done: every robot was judged, however many stand; with --window: the model is as asked
   1  wrong usage, or a file that cannot be used or written
   2  refused: the motion, its drives or the hold do not suit what is asked for
-  4  robots were not judged: they are in no share, and nothing is certified
+  4  robots were not judged: they are in no share, and nothing is certified; with --window: the
+     model is not as asked, or was not judged
   130  interrupted: with --checkpoint, what was found is kept)";
 
 struct Arguments {
@@ -40,6 +42,7 @@ struct Arguments {
   WorkPlan plan;
   std::optional<std::uint64_t> seed;
   bool compare_lanes = false;
+  bool window = false;
   bool certify = false;
   bool quiet = false;
   std::string branch;
@@ -64,11 +67,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("--branch", arguments.branch, "Take this branch once the cycles are done");
   line.Seed(arguments.seed, "Of the robots; 1 if left out");
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();
-  for (const SpreadName& spread : kSpreadNames) {
-    line.Option(spread.option, study.spreads.*spread.member, spread.help)
-        .Within(0.0, spread.max)
-        .ShowDefault();
-  }
+  DeclareSpreads(line, study.spreads);
   line.Option(
       "--drives", study.drives,
       "Drives file; without it, that which the twin file names, or the default drives with the "
@@ -97,8 +96,15 @@ void Declare(CommandLine& line, Arguments& arguments) {
               "I/N: of N parts of the robots, play the I-th, for --checkpoint");
   line.Option("--merge", plan.merged, "Take outcomes from this checkpoint, too; may be repeated")
       .TakesOneValueEachTime();
-  line.Flag("--certify", arguments.certify,
-            "Write the share into the primitive's file, or into those that the sequence plays");
+  line.Flag(
+      "--window", arguments.window,
+      "Find in which values of friction, stiffness and damping of the ground the model itself "
+      "is as asked, in lanes where they have the motion, else in the twin; no robots are "
+      "played");
+  line.Flag(
+      "--certify", arguments.certify,
+      "Write the share into the primitive's file, or into those that the sequence plays; with "
+      "--window, the windows into the primitive's");
   line.Option("--report", arguments.report, "Write a page, index.html, into this folder");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");
@@ -118,6 +124,22 @@ void ReadShard(const Arguments& arguments, WorkPlan& plan) {
   }
   if (plan.checkpoint.empty())
     throw UsageError("--shard", "what is found has to be kept: name a file with --checkpoint");
+}
+
+/// Windows are of the model alone, and found in a few seconds.
+void CheckWindow(const CommandLine& line) {
+  std::vector<std::string> others = {
+      "--robots", "--seed",          "--scale", "--push",    "--sensor-faults",
+      "--lanes",  "--compare-lanes", "--drops", "--get-ups", "--checkpoint",
+      "--shard",  "--merge",         "--report"};
+  for (const SpreadName& spread : kSpreadNames) others.emplace_back(spread.option);
+  for (const std::string& other : others) {
+    if (!line.Given(other)) continue;
+    throw UsageError("--window",
+                     fmt::format("is about the model, and no robots are played; leave out "
+                                 "{}",
+                                 other));
+  }
 }
 
 /// Checks what is asked for against the motion and the files.
@@ -176,10 +198,26 @@ void Check(Arguments& arguments) {
     }
     if (!arguments.branch.empty())
       throw UsageError("--certify", "a certificate has no place for a branch; leave out --branch");
+    if (arguments.window && motions.size() > 1) {
+      throw UsageError(
+          "--certify",
+          "a window is written into a primitive, of that motion alone; name one of the "
+          "sequence's primitives, or leave out --certify");
+    }
     for (const std::string& path : motions) CheckWritable(path);
   }
   if (!arguments.report.empty()) CheckFolderWritable(arguments.report);
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
+}
+
+void WriteJson(const std::string& path, const Json& json) {
+  if (path.empty()) return;
+  if (path == "-") {
+    fmt::print("{}\n", json.Dump(2));
+    return;
+  }
+  PendingFile file(path, json.Dump(2) + "\n");
+  file.Commit();
 }
 
 void WriteResults(const Arguments& arguments, const RobustnessResult& result,
@@ -199,12 +237,19 @@ void WriteResults(const Arguments& arguments, const RobustnessResult& result,
   if (arguments.json.empty()) return;
   Json json = ToJson(result);
   if (agreement) json["lanes_agree"] = ToJson(*agreement);
-  if (arguments.json == "-") {
-    fmt::print("{}\n", json.Dump(2));
-    return;
-  }
-  PendingFile file(arguments.json, json.Dump(2) + "\n");
-  file.Commit();
+  WriteJson(arguments.json, json);
+}
+
+ExitStatus PlayWindow(const Arguments& arguments) {
+  const WindowResult result = FindWindows(arguments.study, arguments.plan.threads);
+  std::FILE* const text_to = arguments.json == "-" ? stderr : stdout;
+  fmt::print(text_to, "{}", ToText(result));
+  const bool found = !result.windows.empty();
+  if (arguments.certify && found)
+    fmt::print(text_to, "wrote the windows into {}\n", CertifyWindow(result));
+  if (arguments.certify && !found) fmt::print(stderr, "nothing was certified\n");
+  WriteJson(arguments.json, ToJson(result));
+  return found ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 ExitStatus Play(Arguments& arguments, const Processes& processes) {
@@ -212,6 +257,7 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   WorkPlan& plan = arguments.plan;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   if (plan.threads == 0) plan.threads = cores;
+  if (arguments.window) return processes.rank() == 0 ? PlayWindow(arguments) : ExitStatus::kDone;
   const bool alone = processes.count() == 1;
   if (alone) {
     // Of several processes none may end before the others; mpirun ends them all.
@@ -256,11 +302,12 @@ ExitStatus Main(int argc, char** argv) {
       "Plays a motion on robots that differ from the model, each through the runtime, "
       "simulated drives and the twin, and tells how many are as asked after every motion. Robot "
       "number i of a seed is the same whatever the number of robots, threads, processes (mpirun) "
-      "and shards.",
+      "and shards. With --window: on which ground the model itself is as asked.",
       "tumbler-robustness");
   line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
+  if (arguments.window) CheckWindow(line);
   return RunTogether("tumbler-robustness", [&arguments](const Processes& processes) {
     return Play(arguments, processes);
   });

@@ -265,7 +265,8 @@ class RobustSearch {
   }
 
   /// Robots of an ensemble of its own for each size and scale.
-  Ensemble MakeEnsemble(int robots, double scale, const LaneSteps& steps = kRough) const {
+  Ensemble MakeEnsemble(int robots, double scale, LaneSteps steps = kRough) const {
+    steps.per_tick *= FinerStepsFor(problem_.scene.contact, robust_.spreads, scale);
     Ensemble ensemble;
     ensemble.steps = steps;
     for (std::size_t j = 0; j < joints_; ++j)
@@ -280,7 +281,7 @@ class RobustSearch {
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
         const std::uint64_t index = static_cast<std::uint64_t>(first) + lane;
         const RobotVariation variation =
-            DrawRobot(problem_.scene.robot, robust_.spreads, scale, seed, index);
+            DrawRobot(problem_.scene, robust_.spreads, scale, seed, index);
         each[lane] = LanesOf(variation).robot;
         states[lane] = Start();
         displaced[lane] = DisplacementOf(variation);
@@ -523,9 +524,11 @@ class RobustSearch {
     const std::vector<double> chain = ChainOf(settings.link);
     const double duration_s = DurationOf(x);
     const int first = TicksOf(x);
+    LaneSteps rough = kRough;
+    rough.per_tick *= FinerStepsFor(problem_.scene.contact, robust_.spreads, robust_.polish_scale);
     HoldStudy study{
         kernel_,     lanes_.model,
-        kRough,      joints_,
+        rough,       joints_,
         {},          {},
         first,       problem_.settle_s,
         target_rad_, problem_.following_tolerance_rad,
@@ -543,8 +546,8 @@ class RobustSearch {
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
       HeldRobots packet{ensemble.robots[p], ensemble.states[p], ensemble.held};
       LaneWatch<Packet> watch;
-      kernel_.drive(lanes_.model, packet.robots, kFine, setpoints, packet.held, packet.state,
-                    watch);
+      kernel_.drive(lanes_.model, packet.robots, ensemble.steps, setpoints, packet.held,
+                    packet.state, watch);
       study.packets.push_back(packet);
     }
     ++stage_;

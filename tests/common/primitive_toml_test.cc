@@ -601,6 +601,72 @@ TEST(PrimitiveToml, AChangeByHandTakesTheFiguresOfRobotsAway) {
   EXPECT_TRUE(ParsePrimitive(SignEdited(edited, "p.toml", "wider"), "p.toml").robustness.empty());
 }
 
+GroundWindow ExampleWindow() {
+  GroundWindow window;
+  window.mu = {0.12, 0.61};
+  window.mu_scanned = {0.05, 2};
+  window.stiffness_n_per_m = {1250, 31000};
+  window.stiffness_scanned_n_per_m = {1250, 5e5};
+  window.damping_n_s_per_m = {5, 2000};
+  window.damping_scanned_n_s_per_m = {5, 2000};
+  window.hold_s = 2;
+  return window;
+}
+
+TEST(PrimitiveToml, AWindowOfTheGroundIsReadBackAndPartOfTheHash) {
+  PrimitiveFile file = Example();
+  EXPECT_FALSE(ParsePrimitive(ToToml(file), "p.toml").window) << "nobody has to look";
+  file.window = ExampleWindow();
+  const PrimitiveFile read = ParsePrimitive(ToToml(file), "p.toml");
+  ASSERT_TRUE(read.window);
+  EXPECT_EQ(read.window->mu, file.window->mu);
+  EXPECT_EQ(read.window->damping_scanned_n_s_per_m, file.window->damping_scanned_n_s_per_m);
+  EXPECT_EQ(read.window->where, RobustnessFigure::Where::kLanes);
+  EXPECT_NE(ContentHash(file), ContentHash(Example()));
+  EXPECT_THROW(ParsePrimitive(Mutate(ToToml(file), "0.61", "0.62"), "p.toml"), FileError);
+}
+
+TEST(PrimitiveToml, AnEndOfAWindowAtTheScansLimitIsSaidToReachAtLeastSoFar) {
+  const auto lines = WindowLines(ExampleWindow());
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_EQ(lines[0].second, "0.12 to 0.61; in lanes, default drives");
+  EXPECT_EQ(lines[1].second, "1250 or less to 31000 N/m; in lanes, default drives");
+  EXPECT_EQ(lines[2].second, "5 or less to 2000 or more N s/m; in lanes, default drives");
+}
+
+TEST(PrimitiveToml, AWindowThatContradictsItselfIsRefused) {
+  const auto refusal = [](const std::function<void(GroundWindow&)>& change) {
+    PrimitiveFile file = Example();
+    file.window = ExampleWindow();
+    change(*file.window);
+    try {
+      ToToml(file);
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(refusal([](GroundWindow&) {}), "taken");
+  EXPECT_THAT(refusal([](GroundWindow& window) { window.mu[1] = 2.5; }),
+              HasSubstr("window.mu: goes from 0.12 to 2.5; allowed: upwards, within what was "
+                        "scanned, which is 0.05 to 2"));
+  EXPECT_THAT(refusal([](GroundWindow& window) { std::swap(window.mu[0], window.mu[1]); }),
+              HasSubstr("window.mu: goes from 0.61 to 0.12"));
+  EXPECT_THAT(refusal([](GroundWindow& window) { window.stiffness_n_per_m[0] = 1000; }),
+              HasSubstr("window.stiffness_n_per_m: goes from 1000"));
+  EXPECT_THAT(refusal([](GroundWindow& window) { window.damping_n_s_per_m[0] = 0; }),
+              HasSubstr("damping_n_s_per_m"));
+  EXPECT_THAT(refusal([](GroundWindow& window) { window.drives_file = "drives.toml"; }),
+              HasSubstr("window.drives_hash"));
+}
+
+TEST(PrimitiveToml, AChangeByHandTakesTheWindowAway) {
+  PrimitiveFile file = Example();
+  file.window = ExampleWindow();
+  const std::string edited = Mutate(ToToml(file), "-0.4375", "-0.4376");
+  EXPECT_FALSE(ParsePrimitive(SignEdited(edited, "p.toml", "wider"), "p.toml").window);
+}
+
 TEST(PrimitiveToml, SigningTakesNothingThatTheLoaderRefusesForAnotherReason) {
   const std::string original = ToToml(Example());
   EXPECT_THROW(SignEdited(original, "p.toml", "nothing"), FileError) << "nothing was changed";

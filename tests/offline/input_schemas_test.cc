@@ -256,6 +256,7 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfAPrimitive) {
       .Add("purpose", ArrayOf(some_of("`[[purpose]]`", {"time_s", "link", "point_m"})))
       .Add("certificate", TableOf(CertificateKeyTable().rows), true)
       .Add("robustness", ArrayOf(table("`[[robustness]]`").Done()))
+      .Add("window", table("`[window]`").Done())
       .Add("provenance",
            some_of("`[provenance]`",
                    {"start_file", "start_hash", "guess_file", "guess_hash", "edited"}),

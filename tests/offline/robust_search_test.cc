@@ -444,6 +444,42 @@ TEST(RobustTask, TheKeysAreRead) {
   EXPECT_FALSE(ProblemOf(testing::QuickTask()).robust);
 }
 
+TEST(RobustTask, AGroundMayHaveRangesOfItsPropertiesOrFactorsEitherWay) {
+  const Problem problem = ProblemOf(
+      QuickRobustTask("friction = { from = 0.15, to = 1.0 }\nstiffness = { factor = 10 }\n"
+                      "damping = 0.3\n"));
+  const Spreads& spreads = problem.robust->spreads;
+  EXPECT_EQ(spreads.friction, (GroundSpread::Between{0.15, 1.0}));
+  EXPECT_EQ(spreads.stiffness, GroundSpread::EitherWay{10});
+  EXPECT_EQ(spreads.damping, 0.3);
+}
+
+TEST(RobustTask, ARangeThatIsNoneIsRefusedWithWhatIsAllowed) {
+  const auto refusal = [](const std::string& keys) { return RefusalOf(QuickRobustTask(keys)); };
+  EXPECT_NE(refusal("friction = { from = 1.0, to = 0.15 }\n")
+                .find("friction.to: is 1..0.15; allowed: a number from 0 to 1, a range of values "
+                      "with 0 < from < to <= 10, or a factor above 1, to 100"),
+            std::string::npos)
+      << refusal("friction = { from = 1.0, to = 0.15 }\n");
+  EXPECT_NE(refusal("friction = { from = 0.1 }\n").find("friction.to: is missing"),
+            std::string::npos);
+  EXPECT_NE(refusal("friction = { from = 0.0, to = 1.0 }\n").find("friction.from"),
+            std::string::npos);
+  EXPECT_NE(refusal("stiffness = { factor = 0.5 }\n").find("stiffness.factor"), std::string::npos);
+  EXPECT_NE(refusal("stiffness = { factor = 2, from = 1e4, to = 1e5 }\n")
+                .find("has a factor beside from and to"),
+            std::string::npos);
+  EXPECT_NE(refusal("damping = {}\n").find("is a table without from, to and factor"),
+            std::string::npos);
+  EXPECT_NE(refusal("damping = { factor = 2, factr = 3 }\n").find("factr"), std::string::npos);
+  EXPECT_NE(refusal("damping = 2\n").find("robust.damping"), std::string::npos);
+  const std::string slippery = testing::Replaced(
+      QuickRobustTask("friction = { from = 0.1, to = 1.0 }\n"), "mu = 0.3", "mu = 0.0");
+  EXPECT_NE(RefusalOf(slippery).find("friction has a range, 0.1..1, but the contact law's is 0"),
+            std::string::npos)
+      << RefusalOf(slippery);
+}
+
 TEST(RobustTask, ATaskThatRobotsCannotBeJudgedByIsRefusedWithTheRemedy) {
   EXPECT_NE(RefusalOf(QuickRobustTask("mas = 0.1\n")).find("mas"), std::string::npos);
   EXPECT_NE(RefusalOf(QuickRobustTask("mass = 2\n")).find("mass"), std::string::npos);

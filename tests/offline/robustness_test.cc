@@ -39,10 +39,11 @@ namespace {
 using Verdict = TrialOutcome::Verdict;
 using ::testing::HasSubstr;
 
-const PlanarRobot& Tumbler() {
-  static const PlanarRobot robot = LoadTumbler();
-  return robot;
+const Scene& TumblerScene() {
+  static const Scene scene = HandstandProblem().scene;
+  return scene;
 }
+const PlanarRobot& Tumbler() { return TumblerScene().robot; }
 
 RobustnessStudy StudyOf(const std::string& motion) {
   RobustnessStudy study;
@@ -66,14 +67,14 @@ std::string Written(const testing::TemporaryFolder& folder, const std::string& n
 }
 
 TEST(Variation, ARobotDependsOnSeedAndNumberAlone) {
-  const RobotVariation a = DrawRobot(Tumbler(), {}, 1, 5, 7);
-  const RobotVariation b = DrawRobot(Tumbler(), {}, 1, 5, 7);
+  const RobotVariation a = DrawRobot(TumblerScene(), {}, 1, 5, 7);
+  const RobotVariation b = DrawRobot(TumblerScene(), {}, 1, 5, 7);
   EXPECT_EQ(a.friction, b.friction);
   EXPECT_EQ(a.links[2].mass, b.links[2].mass);
   std::set<double> seen;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     for (std::uint64_t index = 0; index < 20; ++index)
-      seen.insert(DrawRobot(Tumbler(), {}, 1, seed, index).links[0].mass);
+      seen.insert(DrawRobot(TumblerScene(), {}, 1, seed, index).links[0].mass);
   }
   EXPECT_EQ(seen.size(), 400U);
 }
@@ -83,7 +84,8 @@ TEST(Variation, RobotsHaveTheSpreadsThatWereAskedFor) {
   double mass = 0, length = 0, friction = 0, slope = 0, product = 0;
   constexpr int kRobots = 4000;
   for (int i = 0; i < kRobots; ++i) {
-    const RobotVariation v = DrawRobot(Tumbler(), spreads, 1, 1, static_cast<std::uint64_t>(i));
+    const RobotVariation v =
+        DrawRobot(TumblerScene(), spreads, 1, 1, static_cast<std::uint64_t>(i));
     mass += std::pow(v.links[1].mass - 1, 2);
     length += std::pow(v.links[1].length - 1, 2);
     friction += std::pow(v.friction - 1, 2);
@@ -100,15 +102,105 @@ TEST(Variation, RobotsHaveTheSpreadsThatWereAskedFor) {
 
 TEST(Variation, AFactorStaysAboveZeroHoweverWideTheSpread) {
   for (std::uint64_t i = 0; i < 500; ++i) {
-    const RobotVariation v = DrawRobot(Tumbler(), {.mass = 0.9, .friction = 1}, 3, 1, i);
+    const RobotVariation v = DrawRobot(TumblerScene(), {.mass = 0.9, .friction = 1}, 3, 1, i);
     EXPECT_GE(v.friction, 0.05);
     EXPECT_GE(v.links[0].mass, 0.05);
   }
 }
 
+/// Friction, stiffness and damping of many robots, as they are on their ground.
+std::vector<ContactLaw> GroundsOf(const Spreads& spreads, double scale) {
+  std::vector<ContactLaw> grounds;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    const RobotVariation v = DrawRobot(TumblerScene(), spreads, scale, 3, i);
+    grounds.push_back(Varied(TumblerScene(), v).contact);
+  }
+  return grounds;
+}
+
+TEST(Variation, ARangeOfFrictionIsUniformAndOneOfStiffnessIsSoInItsLogarithm) {
+  const Spreads spreads{.friction = GroundSpread::Between{0.15, 1},
+                        .stiffness = GroundSpread::Between{1e4, 1e6},
+                        .damping = GroundSpread::EitherWay{10}};
+  const double damping = TumblerScene().contact.damping_n_s_per_m;
+  double mu = 0, stiffness = 0, either = 0, square = 0;
+  int robots = 0;
+  for (const ContactLaw& ground : GroundsOf(spreads, 1)) {
+    EXPECT_GE(ground.mu, 0.15 - 1e-12);
+    EXPECT_LE(ground.mu, 1 + 1e-12);
+    EXPECT_GE(ground.stiffness_n_per_m, 1e4 * (1 - 1e-12));
+    EXPECT_LE(ground.stiffness_n_per_m, 1e6 * (1 + 1e-12));
+    const double tens = std::log10(ground.damping_n_s_per_m / damping);
+    EXPECT_LE(std::abs(tens), 1 + 1e-12);
+    mu += ground.mu;
+    stiffness += std::log10(ground.stiffness_n_per_m);
+    either += tens;
+    square += tens * tens;
+    ++robots;
+  }
+  // The means' standard errors are 0.0055, 0.013 and 0.013.
+  EXPECT_NEAR(mu / robots, 0.575, 0.02);
+  EXPECT_NEAR(stiffness / robots, 5, 0.045);
+  EXPECT_NEAR(either / robots, 0, 0.045);
+  EXPECT_NEAR(square / robots, 1.0 / 3, 0.03);
+}
+
+TEST(Variation, TheScaleOfARangeIsOfFactorsAroundTheModelWhichHasNone) {
+  const Spreads spreads{.friction = GroundSpread::Between{0.15, 1},
+                        .stiffness = GroundSpread::EitherWay{4}};
+  const std::vector<ContactLaw> once = GroundsOf(spreads, 1), twice = GroundsOf(spreads, 2);
+  const ContactLaw model = TumblerScene().contact;
+  for (const ContactLaw& ground : GroundsOf(spreads, 0)) EXPECT_EQ(ground, model);
+  for (std::size_t i = 0; i < once.size(); ++i) {
+    EXPECT_NEAR(twice[i].mu, once[i].mu * once[i].mu / model.mu, 1e-9);
+    EXPECT_NEAR(std::log(twice[i].stiffness_n_per_m / model.stiffness_n_per_m),
+                2 * std::log(once[i].stiffness_n_per_m / model.stiffness_n_per_m), 1e-9);
+  }
+}
+
+TEST(Variation, ARangeTellsHowFarFromItsMiddleInStandardDeviations) {
+  const Spreads spreads{
+      .mass = 0, .friction = GroundSpread::EitherWay{3}, .stiffness = 0, .damping = 0};
+  double square = 0;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    const RobotVariation v = DrawRobot(TumblerScene(), spreads, 1, 3, i);
+    ASSERT_EQ(v.deviates.size(), 1U);
+    EXPECT_EQ(v.deviates[0].name, "friction");
+    EXPECT_NEAR(std::log(v.friction) / std::log(3.0), v.deviates[0].sigma / std::sqrt(3.0), 1e-12);
+    square += v.deviates[0].sigma * v.deviates[0].sigma;
+  }
+  EXPECT_NEAR(square / 2000, 1, 0.08);
+}
+
+TEST(GroundSpread, ReadsWhatItWritesAndRefusesTheRest) {
+  for (const GroundSpread& spread :
+       {GroundSpread(0.25), GroundSpread(GroundSpread::Between{0.15, 1}),
+        GroundSpread(GroundSpread::EitherWay{10})}) {
+    EXPECT_EQ(ParseGroundSpread(ToText(spread)), spread) << ToText(spread);
+    EXPECT_EQ(MistakeIn(spread, kFrictionSpreadLimits), "") << ToText(spread);
+  }
+  for (const char* text : {"", "x", "..", "0.2..", "..1", "0.2..1..2", "x2x", "0.2 ", "1,5"})
+    EXPECT_FALSE(ParseGroundSpread(text)) << text;
+  for (const char* text :
+       {"-0.1", "1.1", "nan", "0..1", "1..0.2", "0.2..11", "x1", "x101", "xnan"}) {
+    const std::optional<GroundSpread> read = ParseGroundSpread(text);
+    ASSERT_TRUE(read) << text;
+    EXPECT_THAT(MistakeIn(*read, kFrictionSpreadLimits), HasSubstr("allowed: a number from 0 to 1"))
+        << text;
+  }
+}
+
+TEST(GroundSpread, HardGroundTakesFinerStepsInLanes) {
+  const ContactLaw model = TumblerScene().contact;
+  EXPECT_EQ(FinerStepsFor(model, {}, 2), 1) << "as ever";
+  EXPECT_EQ(FinerStepsFor(model, {.stiffness = GroundSpread::EitherWay{10}}, 1), 2);
+  EXPECT_EQ(FinerStepsFor(model, {.damping = GroundSpread::EitherWay{10}}, 1), 4);
+  EXPECT_EQ(FinerStepsFor(model, {.friction = GroundSpread::EitherWay{10}}, 1), 1);
+}
+
 TEST(Variation, AVariedSceneHasTheRobotInEveryPart) {
   const Scene scene = HandstandProblem().scene;
-  RobotVariation v = DrawRobot(scene.robot, {}, 0, 1, 0);
+  RobotVariation v = DrawRobot(scene, {}, 0, 1, 0);
   EXPECT_EQ(Varied(scene, v).contact, scene.contact);
   v.links[0].length = 1.1;
   v.links[1] = {.mass = 1.2, .inertia = 1.5, .length = 0.9, .mass_centre_m = 0.01};
@@ -139,7 +231,7 @@ TEST(Variation, OfARobotThatIsFixedToTheWorldIsInWhatMoves) {
   const Scene scene = LoadTask(testing::SourcePath("tests/data/tasks/arm.toml")).problem.scene;
   ASSERT_EQ(scene.robot.root_dofs, 0);
   const Spreads more{.length = 0.1, .start_rad = 0.02, .start_rate_rad_s = 0.5};
-  const RobotVariation v = DrawRobot(scene.robot, more, 1, 1, 0);
+  const RobotVariation v = DrawRobot(scene, more, 1, 1, 0);
   ASSERT_EQ(v.links.size(), 1U);
   EXPECT_EQ(v.StartPositions(scene.robot), std::vector<double>{v.joints[0].start_rad});
   EXPECT_EQ(v.StartRates(scene.robot), std::vector<double>{v.joints[0].start_rate_rad_s});
@@ -159,11 +251,11 @@ TEST(Variation, OfARobotThatIsFixedToTheWorldIsInWhatMoves) {
 }
 
 TEST(Variation, WhatJointsDelayAndStartHaveOfItLeavesTheRestOfTheRobotAsItIs) {
-  const RobotVariation plain = DrawRobot(Tumbler(), {}, 1, 5, 7);
+  const RobotVariation plain = DrawRobot(TumblerScene(), {}, 1, 5, 7);
   const Spreads more{.delay_s = 1e-4, .zero_rad = 0.01, .start_rad = 0.02, .start_rate_rad_s = 0.5};
   double late = 0;
   for (std::uint64_t i = 0; i < 50; ++i) {
-    const RobotVariation v = DrawRobot(Tumbler(), more, 1, 5, i);
+    const RobotVariation v = DrawRobot(TumblerScene(), more, 1, 5, i);
     EXPECT_GE(v.delay_s, 0) << "no setpoint is early";
     late += v.delay_s / 50;
     if (i != 7) continue;
@@ -706,7 +798,7 @@ TEST(RobustnessStudy, WhatFailuresHaveInCommonComesFirst) {
   RobustnessResult result;
   for (std::uint64_t i = 0; i < 400; ++i) {
     TrialOutcome trial;
-    trial.variation = DrawRobot(Tumbler(), {}, 1, 3, i);
+    trial.variation = DrawRobot(TumblerScene(), {}, 1, 3, i);
     if (trial.variation.friction < 0.75) trial.verdict = Verdict::kFell;
     result.trials.push_back(trial);
   }
@@ -730,7 +822,7 @@ TEST(RobustnessStudy, WhatHasNoInfluenceIsNotSaidToTellOfFewFailures) {
       RobustnessResult result;
       for (std::uint64_t i = 0; i < 200; ++i) {
         TrialOutcome trial;
-        trial.variation = DrawRobot(Tumbler(), many, 1, seed, i);
+        trial.variation = DrawRobot(TumblerScene(), many, 1, seed, i);
         if (i < failures) trial.verdict = Verdict::kFell;  // whatever it is like
         result.trials.push_back(trial);
       }
@@ -798,7 +890,7 @@ TEST(RobustnessStudy, TheMapHasEveryRobotInACellOfItsOwn) {
   RobustnessResult result;
   for (std::uint64_t i = 0; i < 400; ++i) {
     TrialOutcome trial;
-    trial.variation = DrawRobot(Tumbler(), {}, 1, 3, i);
+    trial.variation = DrawRobot(TumblerScene(), {}, 1, 3, i);
     if (trial.variation.friction + trial.variation.damping < 1.7) trial.verdict = Verdict::kFell;
     result.trials.push_back(trial);
   }
@@ -832,7 +924,7 @@ TEST(RobustnessPage, ShowsShareMapAndEveryRobotAndTakesNamesAsText) {
   result.name = "<b>&";
   for (std::uint64_t i = 0; i < 60; ++i) {
     TrialOutcome trial;
-    trial.variation = DrawRobot(Tumbler(), {}, 1, 3, i);
+    trial.variation = DrawRobot(TumblerScene(), {}, 1, 3, i);
     if (trial.variation.friction < 0.85) {
       trial.verdict = Verdict::kFell;
       trial.in = "hand<stand";
@@ -1142,6 +1234,26 @@ TEST(RobustnessProgram, NoCertificateIsWrittenOfWhatItHasNoPlaceFor) {
     EXPECT_NE(outcome.text.find("--certify: "), std::string::npos) << outcome.text;
   }
   EXPECT_EQ(testing::ReadFile(motion), before);
+}
+
+TEST(RobustnessProgram, ARangeOfTheGroundIsInTheCertificateAndAWrongOneRefused) {
+  const testing::TemporaryFolder folder;
+  CopyOfTheGait(folder);
+  const std::string motion = folder / "handstand.toml";
+  const testing::Outcome done = testing::RunProgram(
+      {"tumbler-robustness", motion, "--lanes", "--robots", "8", "--seed", "9004", "--friction",
+       "0.2..0.5", "--stiffness", "x2", "--damping", "0", "--certify"});
+  EXPECT_EQ(done.exit_code, 0) << done.text;
+  const std::vector<RobustnessFigure> figures = FiguresIn(motion, 9004);
+  ASSERT_EQ(figures.size(), 1U);
+  EXPECT_EQ(figures[0].spreads, "--mass 0.05 --friction 0.2..0.5 --stiffness x2");
+  for (const std::string wrong : {"0.5..0.2", "x0.5", "some", "1.5"}) {
+    const testing::Outcome refused = testing::RunProgram(
+        {"tumbler-robustness", motion, "--lanes", "--robots", "8", "--friction", wrong});
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_THAT(refused.text, HasSubstr("--friction: ")) << wrong;
+    EXPECT_THAT(refused.text, HasSubstr("allowed: a number from 0 to 1, a range of values"));
+  }
 }
 
 TEST(RobustnessProgram, AGaitWithoutCyclesIsRefused) {

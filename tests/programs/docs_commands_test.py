@@ -130,6 +130,25 @@ class Pages(unittest.TestCase):
         first = re.search(r"--seed 11 --lanes \\\n +--report build/robots\n\nsays that ([\d.]+) %", page)
         self.assertIn(first[1], [row[1] for row in quick if "--robots 1000 " in row[0]])
 
+    def test_windows_of_the_ground_are_those_of_the_page(self):
+        page = (ROOT / "docs/robustness.md").read_text()
+        rows = re.findall(
+            r"^\| `(tumbler-robustness [^`]* --window)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \| lanes \|$", page, re.M
+        )
+        self.assertGreater(len(rows), 8)
+        # The others are the same program for longer.
+        for command, friction, stiffness, damping in rows[:2]:
+            said = subprocess.run(
+                [BIN / "tumbler-robustness", *command.split()[1:]],
+                cwd=ROOT,
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout
+            self.assertIn(f"friction   {friction} (task", said, command)
+            self.assertIn(f"stiffness  {stiffness} N/m (task", said, command)
+            self.assertIn(f"damping    {damping} N s/m (task", said, command)
+
     def test_every_option_of_every_program_is_named(self):
         pages = "".join(page.read_text() for page in [ROOT / "README.md", *ROOT.glob("docs/**/*.md")])
         count = 0

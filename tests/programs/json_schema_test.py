@@ -27,6 +27,8 @@ RUNS = [
     ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 400 --lanes --scale 2.5", 0),
     ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 4 --compare-lanes", 0),
     ("tumbler-robustness", f"{MOTIONS}/nominal/gait.toml --cycles 1 --robots 2", 0),
+    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 8 --lanes --friction 0.15..1 --stiffness x10", 0),
+    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --window", 0),
     ("tumbler-abort", f"{MOTIONS}/handstand.toml --robots 2 --step 0.4", 0),
     ("tumbler-abort", f"{MOTIONS}/handstand.toml --check 4", 0),
     ("tumbler-optimize", f"{MOTIONS}/tasks/nominal/downstand.toml --start-from {MOTIONS}/nominal/handstand.toml", 0),

@@ -317,14 +317,18 @@ AbortTrials LoadAbortTrials(const AbortStudy& study) {
   const DrivesConfig loaded =
       LoadDrivesOf(JointsOf(motion.file()), drives, ReadTextFile, GainsOf(motion.file()));
   SharedRobot shared = ShareRobot(motion, loaded, std::move(robot));
+  if (const std::string mistake = MistakeInRanges(shared.scene.contact, study.spreads);
+      !mistake.empty() && !shared.scene.obstacles.empty()) {
+    throw Refused(fmt::format("{}: {}", study.primitive, mistake));
+  }
   return {std::move(motion), std::move(shared)};
 }
 
 RobotVariation AbortRobot(const AbortStudy& study, const Scene& scene, int index) {
   Spreads spreads = study.spreads;
   if (scene.obstacles.empty())  // Robots cannot differ in a ground that is not there.
-    spreads.friction = spreads.stiffness = spreads.damping = 0;
-  return DrawRobot(scene.robot, spreads, index == 0 ? 0 : study.scale, study.seed,
+    spreads.LeaveGround();
+  return DrawRobot(scene, spreads, index == 0 ? 0 : study.scale, study.seed,
                    static_cast<std::uint64_t>(index));
 }
 

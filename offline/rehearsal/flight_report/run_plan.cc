@@ -104,6 +104,9 @@ RunData ReadPlan(const std::string& path) {
                {"motion", name + " (" + path + ")"},
                {"duration", fmt::format("{:.3f} s", primitive.duration_s)},
                {"made by", MakerOf(file.provenance)}};
+  if (file.window) {
+    for (auto& line : WindowLines(*file.window)) run.facts.push_back(std::move(line));
+  }
   return run;
 }
 

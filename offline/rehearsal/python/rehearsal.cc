@@ -206,7 +206,39 @@ RobustnessMap MapOf(const RobustnessResult& result) {
   return map;
 }
 
-void SetSpreads(const std::map<std::string, double>& wanted, Spreads& spreads) {
+template <class T>
+T SpreadAs(const SpreadName& name, const py::object& value, const char* what) {
+  try {
+    return value.cast<T>();
+  } catch (const py::cast_error&) {
+    throw py::type_error(fmt::format("spreads: {} is to be {}", name.key, what));
+  }
+}
+
+/// A number, or a dictionary with `from` and `to`, or with `factor`.
+GroundSpread GroundSpreadOf(const SpreadName& name, const py::object& value) {
+  GroundSpread spread = 0;
+  if (py::isinstance<py::dict>(value)) {
+    const auto numbers =
+        SpreadAs<std::map<std::string, double>>(name, value, "a number or a dictionary of numbers");
+    if (numbers.size() == 1 && numbers.contains("factor")) {
+      spread = GroundSpread::EitherWay{numbers.at("factor")};
+    } else if (numbers.size() == 2 && numbers.contains("from") && numbers.contains("to")) {
+      spread = GroundSpread::Between{numbers.at("from"), numbers.at("to")};
+    } else {
+      throw py::value_error(
+          fmt::format("{}: a range is {{\"from\": A, \"to\": B}} or {{\"factor\": F}}; allowed: {}",
+                      name.key, name.limits.Allowed()));
+    }
+  } else {
+    spread = SpreadAs<double>(name, value, "a number or a dictionary of numbers");
+  }
+  if (const std::string mistake = MistakeIn(spread, name.limits); !mistake.empty())
+    throw py::value_error(fmt::format("{}: {}", name.key, mistake));
+  return spread;
+}
+
+void SetSpreads(const std::map<std::string, py::object>& wanted, Spreads& spreads) {
   for (const auto& [key, value] : wanted) {
     const auto* const known = std::ranges::find_if(
         kSpreadNames, [&key = key](const SpreadName& name) { return name.key == key; });
@@ -217,8 +249,13 @@ void SetSpreads(const std::map<std::string, double>& wanted, Spreads& spreads) {
       throw py::value_error(
           fmt::format("spreads: '{}' is none; allowed: {}", key, fmt::join(names, ", ")));
     }
-    CheckWithin(known->key, value, 0.0, known->max);
-    spreads.*known->member = value;
+    if (const auto* ground = std::get_if<GroundSpread Spreads::*>(&known->member)) {
+      spreads.** ground = GroundSpreadOf(*known, value);
+      continue;
+    }
+    const auto number = SpreadAs<double>(*known, value, "a number");
+    CheckWithin(known->key, number, 0.0, known->max);
+    known->Set(number, spreads);
   }
 }
 
@@ -348,7 +385,7 @@ void BindRobustness(py::module_& module) {
   DefineFunction(
       module, "robustness",
       [](const py::object& motion, int robots, int cycles, const std::string& branch,
-         std::uint64_t seed, double scale, const std::map<std::string, double>& spreads,
+         std::uint64_t seed, double scale, const std::map<std::string, py::object>& spreads,
          double hold_s, int get_ups, const FilePath& drives, const FilePath& twin, bool lanes,
          int threads, const py::object& progress) {
         RobustnessStudy study;
@@ -368,7 +405,10 @@ void BindRobustness(py::module_& module) {
       },
       "Plays a motion on robots that differ from the model, as tumbler-robustness does.\n\n"
       "It is a Primitive, or the file of a primitive or a sequence. `spreads` are standard\n"
-      "deviations by their names in its JSON, in place of the defaults. Robot number i of a seed\n"
+      "deviations by their names in its JSON, in place of the defaults; friction, stiffness and\n"
+      "damping may have a range instead: {\"from\": 0.15, \"to\": 1.0} of values, {\"factor\": "
+      "10}\n"
+      "of factors either way. Robot number i of a seed\n"
       "is the same whatever the number of robots and threads (0: one for each core). `progress` "
       "is\n"
       "called now and then with how many are known; when it returns False the work ends by\n"

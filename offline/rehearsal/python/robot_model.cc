@@ -1,6 +1,7 @@
 // The equations of motion of a task's robot in Python.
 
 #include "offline/rehearsal/python/robot_model.h"
+#include "common/portable/functions.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -125,7 +126,7 @@ struct LinkRows {
 
   void Add(const PlanarRobot& robot, const SceneDynamics& scene, const PlanarLink& link) {
     const Plane::Vector origin(link.origin_m[0], link.origin_m[1]);
-    const double turn = link.in_plane ? std::atan2(link.x_axis[1], link.x_axis[0])
+    const double turn = link.in_plane ? portable::Atan2(link.x_axis[1], link.x_axis[0])
                                       : std::numeric_limits<double>::quiet_NaN();
     if (link.body < 0) return Add(origin, turn, Plane::Vector::Zero(), 0);
     const HybridDynamics<Plane>& dynamics = scene.dynamics;

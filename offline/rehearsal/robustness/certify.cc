@@ -20,8 +20,8 @@ namespace tumbler {
 std::string TextOf(const Spreads& spreads) {
   std::string text;
   for (const SpreadName& spread : kSpreadNames) {
-    const double value = spreads.*spread.member;
-    if (value != 0) text += fmt::format("{}{} {}", text.empty() ? "" : " ", spread.option, value);
+    if (spread.none(spreads)) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : " ", spread.option, spread.TextOf(spreads));
   }
   return text.empty() ? "none" : text;
 }

@@ -56,7 +56,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
   if (study.drops) text += "drops\n";
   if (study.run.get_ups > 0) text += fmt::format("get ups {}\n", study.run.get_ups);
   for (const SpreadName& spread : kSpreadNames)
-    text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
+    text += fmt::format("{} {}\n", spread.key, spread.TextOf(study.spreads));
   return HashOfText(text + HashesOfFiles(study));
 }
 

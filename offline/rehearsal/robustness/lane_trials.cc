@@ -98,7 +98,7 @@ void Displace(LaneState<Packet>& state, std::size_t lane, const PlanarRobot& rob
 
 }  // namespace
 
-LaneTrials::LaneTrials(const RobustnessStudy& study) : trials_(study) {
+LaneTrials::LaneTrials(const RobustnessStudy& study, int finer) : trials_(study) {
   if (!study.twin.empty())
     throw Refused(study.twin + ": lanes do not simulate what twin files ask for; leave it out");
   if (study.disturbs())
@@ -112,6 +112,10 @@ LaneTrials::LaneTrials(const RobustnessStudy& study) : trials_(study) {
     throw Refused(study.motion + ": the model itself does not get as far as this motion");
   steps_.tick_s = script.tick_s;
   if (trials_.scene().robot.hinged()) steps_.per_tick = kStepsOnBar;
+  // Steps that are fine for a bar are fine for much harder ground, too.
+  finer = std::max(finer, FinerStepsFor(trials_.scene().contact, trials_.study().spreads,
+                                        trials_.study().scale));
+  steps_.per_tick = std::max(steps_.per_tick, LaneSteps{}.per_tick * finer);
   for (std::size_t j = 0; j < trials_.drives().drives.size(); ++j) {
     const DriveEntry& entry = trials_.drives().drives[j];
     LaneDrive& drive = drives_.emplace_back();

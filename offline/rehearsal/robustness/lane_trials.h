@@ -22,7 +22,8 @@ class LaneTrials {
  public:
   /// @throws as Trials, std::invalid_argument as MakeLaneScene, and Refused where the study has a
   ///         twin file.
-  explicit LaneTrials(const RobustnessStudy& study);
+  /// @param finer  how much finer the steps are than those of robots that differ a little.
+  explicit LaneTrials(const RobustnessStudy& study, int finer = 1);
 
   /// Plays robots of these numbers, one in each lane.
   /// @pre at most Packet::kLanes of them, and at least one.

@@ -249,8 +249,9 @@ std::string Map(const RobustnessResult& result, const std::vector<Influence>& in
 std::string SpreadsText(const RobustnessResult& result) {
   std::string text;
   for (const SpreadName& spread : kSpreadNames) {
-    const double value = result.study.spreads.*spread.member;
-    if (value != 0) text += fmt::format("{}{} {:.6g}", text.empty() ? "" : ", ", spread.key, value);
+    if (spread.none(result.study.spreads)) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", spread.key,
+                        spread.TextOf(result.study.spreads));
   }
   return text;
 }
@@ -282,8 +283,7 @@ std::string RobustnessPage(const RobustnessResult& result) {
         ends.count, 100 * ends.value(), 100 * ends.low, 100 * ends.high);
   }
   page += fmt::format(
-      "<p class=dim>{}; {}standard deviations: {}{}; seed {}{}{}</p>\n",
-      Escaped(result.study.motion),
+      "<p class=dim>{}; {}spreads: {}{}; seed {}{}{}</p>\n", Escaped(result.study.motion),
       result.study.lanes ? "played in lanes; " : "played in the twin; ", SpreadsText(result),
       result.study.scale == 1 ? "" : fmt::format(", times {:.6g}", result.study.scale),
       result.study.seed,

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <array>
+#include <string>
+#include <variant>
 
+#include "common/json.h"
 #include "offline/ensemble/variation.h"
 #include "offline/rehearsal/robustness/trial.h"
 
@@ -9,11 +12,21 @@ namespace tumbler {
 
 /// A spread with its name in files and on the command line.
 struct SpreadName {
-  double Spreads::*member;
+  std::variant<double Spreads::*, GroundSpread Spreads::*> member;
   const char* key;     ///< Of JSON.
   const char* option;  ///< Of the command line.
   const char* help;
-  double max;
+  double max;                   ///< Of the number.
+  GroundSpreadLimits limits{};  ///< Of the ground's.
+
+  /// In the notation of command lines.
+  [[nodiscard]] std::string TextOf(const Spreads& spreads) const;
+  /// A number, or an object with the keys of a task's `[robust]`.
+  [[nodiscard]] Json JsonOf(const Spreads& spreads) const;
+  /// Whether robots do not differ in it.
+  [[nodiscard]] bool none(const Spreads& spreads) const;
+  /// Sets a number. It may be out of range.
+  void Set(double value, Spreads& spreads) const;
 };
 
 inline constexpr std::array<SpreadName, 14> kSpreadNames = {{
@@ -23,11 +36,16 @@ inline constexpr std::array<SpreadName, 14> kSpreadNames = {{
     {&Spreads::mass_centre_m, "mass_centre_m", "--mass-centre",
      "Spread of each centre of mass along x [m]", 1},
     {&Spreads::length, "length", "--length", "Spread of each link's length [part of it]", 1},
-    {&Spreads::friction, "friction", "--friction", "Spread of the ground's friction [part of it]",
-     1},
+    {&Spreads::friction, "friction", "--friction",
+     "Spread of the ground's friction: part of it, values of mu as 0.15..1, or a factor either way "
+     "as x3; 0.2 if left out",
+     1, kFrictionSpreadLimits},
     {&Spreads::stiffness, "stiffness", "--stiffness",
-     "Spread of the ground's stiffness [part of it]", 1},
-    {&Spreads::damping, "damping", "--damping", "Spread of the ground's damping [part of it]", 1},
+     "Spread of the ground's stiffness: part of it, values as 1e4..1e6 [N/m], or a factor either "
+     "way as x10; 0.2 if left out",
+     1, kStiffnessSpreadLimits},
+    {&Spreads::damping, "damping", "--damping",
+     "Spread of the ground's damping: likewise [N s/m]; 0.2 if left out", 1, kDampingSpreadLimits},
     {&Spreads::gain, "gain", "--gain", "Spread of each joint's gains [part of them]", 1},
     {&Spreads::torque_limit, "torque_limit", "--torque-limit",
      "Spread of each motor's limit [part of it]", 1},

@@ -482,7 +482,7 @@ Json ToJson(const RobustnessResult& result) {
                {"share_95_low", share.low},
                {"share_95_high", share.high}};
   Json& spread_values = json["spreads"];
-  for (const SpreadName& spread : kSpreadNames) spread_values[spread.key] = spreads.*spread.member;
+  for (const SpreadName& spread : kSpreadNames) spread_values[spread.key] = spread.JsonOf(spreads);
   Json& counts = json["verdicts"];
   for (const Verdict verdict : kVerdicts) counts[ToString(verdict)] = result.Count(verdict);
   json["amiss_at_rest"] = result.AmissAtRest();

@@ -171,9 +171,11 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
     throw Refused(study_.motion +
                   ": a push is one on the root, which is fixed to the world; leave out --push");
   }
-  if (scene().obstacles.empty()) {  // Robots cannot differ in a ground that is not there.
-    Spreads& spreads = study_.spreads;
-    spreads.friction = spreads.stiffness = spreads.damping = 0;
+  // Robots cannot differ in a ground that is not there.
+  if (scene().obstacles.empty()) study_.spreads.LeaveGround();
+  if (const std::string mistake = MistakeInRanges(scene().contact, study_.spreads);
+      !mistake.empty()) {
+    throw Refused(fmt::format("{}: {}", study_.motion, mistake));
   }
   study_.run.end = RunEnd::kTorqueOff;  // What is judged is over by then.
   PlayModel();
@@ -188,7 +190,15 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
 }
 
 RobotVariation Trials::Draw(std::uint64_t index) const {
-  return DrawRobot(scene().robot, study_.spreads, study_.scale, study_.seed, index);
+  return DrawRobot(scene(), study_.spreads, study_.scale, study_.seed, index);
+}
+
+RobotVariation Trials::Model() const {
+  return DrawRobot(scene(), study_.spreads, 0, study_.seed, 0);
+}
+
+TrialOutcome Trials::Play(const RobotVariation& variation) {
+  return *PlayVaried(variation, robot(), {});
 }
 
 TrialOutcome Trials::Play(std::uint64_t index) {
@@ -243,7 +253,7 @@ std::pair<double, double> Trials::PushTimes() const {
 
 void Trials::PlayModel() {
   script_.tick_s = 1 / drives().rate_hz;
-  const RobotVariation model = DrawRobot(scene().robot, study_.spreads, 0, study_.seed, 0);
+  const RobotVariation model = Model();
   Script script = script_;  // as yet empty: nobody leaves it
   const auto write = [&](const ControlLoop& loop, SimulatedRobot& robot) {
     const TickRecord& record = loop.record();

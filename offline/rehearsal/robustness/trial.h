@@ -132,11 +132,15 @@ class Trials {
 
   /// Plays robot number `index`.
   TrialOutcome Play(std::uint64_t index);
+  /// Plays a robot that is given. Nothing happens to it but what happens to all.
+  TrialOutcome Play(const RobotVariation& variation);
 
   /// Name of the motion.
   [[nodiscard]] std::string name() const;
   /// Robot number `index`.
   [[nodiscard]] RobotVariation Draw(std::uint64_t index) const;
+  /// The robot that is the model.
+  [[nodiscard]] RobotVariation Model() const;
   [[nodiscard]] const RobustnessStudy& study() const { return study_; }
   [[nodiscard]] const SimulatedMotion& motion() const { return motion_; }
   [[nodiscard]] const DrivesConfig& drives() const { return shared_.drives; }

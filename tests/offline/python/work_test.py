@@ -153,6 +153,18 @@ class Robustness(support.WithFolder):
         self.assertEqual(got.summary["spreads"]["mass"], 0.3)
         self.assertEqual(told[-1], 3)
 
+    def test_takes_ranges_of_the_ground(self):
+        spreads = {"mass": 0.0, "friction": {"from": 0.2, "to": 0.4}, "stiffness": {"factor": 2}}
+        got = tumbler.robustness(HANDSTAND, robots=3, seed=5, spreads=spreads, lanes=True)
+        self.assertEqual(got.summary["spreads"]["friction"], {"from": 0.2, "to": 0.4})
+        self.assertEqual(got.summary["spreads"]["stiffness"], {"factor": 2})
+        for wrong in ({"from": 0.4, "to": 0.2}, {"from": 0.2}, {"factor": 1}, {"factor": 2, "to": 3}, 1.5):
+            with self.assertRaises(ValueError):
+                tumbler.robustness(HANDSTAND, robots=3, spreads={"friction": wrong})
+        for wrong in ({"friction": "some"}, {"friction": {"factor": "ten"}}, {"mass": {"factor": 2}}):
+            with self.assertRaises(TypeError):
+                tumbler.robustness(HANDSTAND, robots=3, spreads=wrong)
+
     def test_stops_when_its_progress_fails_or_says_so(self):
         def fail(known):
             raise LookupError("enough")

@@ -326,7 +326,7 @@ def robustness(
     branch: str = "",
     seed: int = 1,
     scale: float = 1.0,
-    spreads: Mapping[str, float] = {},
+    spreads: Mapping[str, float | Mapping[str, float]] = {},
     hold_s: float = 2.0,
     get_ups: int = 0,
     drives: str | os.PathLike[str] | None = None,
