@@ -612,7 +612,7 @@ std::string ToText(const RobustnessFigure& figure) {
 }
 
 std::string GroundValueText(double value) {
-  if (!(value >= 1000)) return fmt::format("{:.3g}", value);
+  if (!(value >= 1000) || std::isinf(value)) return fmt::format("{:.3g}", value);
   double unit = 1;
   while (value >= 1000 * unit) unit *= 10;
   return fmt::format("{:.0f}", unit * std::round(value / unit));
