@@ -23,7 +23,8 @@ using Verdict = TrialOutcome::Verdict;
 
 /// A page whose drawings have everything in them: every verdict, a map, departures in two nodes.
 std::string PageOfRobots() {
-  const PlanarRobot robot =
+  Scene scene;
+  scene.robot =
       ParsePlanarRobot(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler.urdf")),
                        "tumbler.urdf", RootKind::kPlanarXz);
   RobustnessResult result;
@@ -32,7 +33,7 @@ std::string PageOfRobots() {
                                   Verdict::kFault, Verdict::kGotUp};
   for (std::uint64_t i = 0; i < 400; ++i) {
     TrialOutcome trial;
-    trial.variation = DrawRobot(robot, {}, 1, 3, i);
+    trial.variation = DrawRobot(scene, {}, 1, 3, i);
     if (trial.variation.friction < 0.85) {
       trial.verdict = kOthers[i % kOthers.size()];
       trial.in = i % 3 == 0 ? "handstand" : "a_node_with_a_long_name_of_its_own";
