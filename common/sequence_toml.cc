@@ -14,6 +14,7 @@
 
 #include "common/file_keys.h"
 #include "common/index.h"
+#include "common/primitive_limits.h"
 #include "common/primitive_rounding.h"
 
 namespace tumbler {
