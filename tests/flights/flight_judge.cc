@@ -608,8 +608,11 @@ void FlightJudge::JudgeOrder(std::size_t joint, const WireOrder& order) {
   const bool carries = wires_[joint].carries_gains();
   if (now_->state == ExecutorState::kArming) {
     const double away = std::abs(order.position_rad - Wide(record.measured.position_rad));
-    const double moved =
-        std::abs(Wide(record.measured.velocity_rad_s)) * 14 * Wide(setting_.executor.period_s);
+    // The drive has been braking it since it was enabled.
+    double& fastest = arming_speed_rad_s_[joint];
+    if (tick_.before != ExecutorState::kArming) fastest = 0;
+    fastest = std::max(fastest, std::abs(Wide(record.measured.velocity_rad_s)));
+    const double moved = fastest * 14 * Wide(setting_.executor.period_s);
     if (order.is_stiff(carries) && tick_.enabled[joint] && !tick_.moved && !tick_.spoilt &&
         record.reply_age_ticks == 0 && away > 0.1 + moved &&
         record.drive_state != DriveState::kEnabled) {

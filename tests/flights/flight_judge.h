@@ -157,7 +157,8 @@ class FlightJudge {
   bool lowering_ = false, lowered_before_ = false;
   std::array<bool, kMaxJoints> was_enabled_{};  // since the last arming
   bool went_home_ = false;                      // whether kGoHome was obeyed since the last arming
-  std::array<double, kMaxJoints> kp_left_{};    // the least since lowering began
+  std::array<double, kMaxJoints> arming_speed_rad_s_{};  ///< The largest since arming began.
+  std::array<double, kMaxJoints> kp_left_{};             // the least since lowering began
   std::array<std::int64_t, kMaxJoints> stamp_ns_{};
   std::array<int, kMaxJoints> silent_ticks_{};  // in a row without a reply of the last period
   bool unattended_ = false;  // whether the drives may have let go since the last arming

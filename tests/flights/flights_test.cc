@@ -313,5 +313,14 @@ TEST(Flights, ADriveMayResistSomebodyWhoMovesItsJointWhileArming) {
   EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
 }
 
+TEST(Flights, AJointThatWasFastWhenItsDriveWasEnabledMayOvershoot) {
+  const FlightOutcome outcome = PlayFlight(ParseFlight(
+      "flight seed=93770 ticks=560 without=sensor without=feedback without=aborts without=get-ups "
+      "without=gravity without=speed without=last-known without=spikes\n"
+      "244 link 5 0 1 0\n"
+      "466 displace 2 0 13 -0.7248304595008959\n"));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
 }  // namespace
 }  // namespace tumbler

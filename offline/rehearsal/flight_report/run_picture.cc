@@ -73,7 +73,8 @@ std::vector<std::array<double, 2>> RoundedOutline(const ReportObstacle& obstacle
   // The outermost corner in each direction carries the arc of that direction.
   for (int i = 0; i < kSteps; ++i) {
     const double angle = 2 * std::numbers::pi * i / kSteps;
-    const auto [s, c] = portable::SinCos(angle);
+    const portable::SineCosine of = portable::SinCos(angle);
+    const double s = of.sine, c = of.cosine;
     const auto outermost = std::max_element(
         corners.begin(), corners.end(),
         [c, s](const auto& a, const auto& b) { return c * a[0] + s * a[1] < c * b[0] + s * b[1]; });
