@@ -29,7 +29,7 @@ struct LinearRow {
 };
 
 /// The velocity and acceleration limits for all t, by refined control points
-/// (common/spline_extent.h), of which an optimum's are within 2 % of its path: rows divided by
+/// (common/spline_extent.h), of which an optimum's are within 3 % of its path: rows divided by
 /// their limits. Position limits are plain bounds of the parameters, and no rows.
 std::vector<LinearRow> DerivativeLimitRows(const Problem& problem);
 

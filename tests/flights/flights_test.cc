@@ -202,29 +202,32 @@ TEST(Flights, AreMadeAsShortAsTheMistakeThatTheyShow) {
   EXPECT_LT(shortest.ticks, 1000) << ToText(shortest);
 }
 
+void ExpectNothingAmiss(const char* flight) {
+  const FlightOutcome outcome = PlayFlight(ParseFlight(flight));
+  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+}
+
 // Flights of which the judge asked too much. Their seeds are of random flights.
 
 TEST(Flights, ADisarmInTheTickOfATorqueOffMayFindADriveLetGo) {  // bus-off, then the operator
-  const FlightOutcome outcome = PlayFlight(ParseFlight(
+  ExpectNothingAmiss(
       "flight seed=10557 ticks=199 without=sensor without=feedback without=aborts "
       "without=reactions "
       "without=collapse without=get-ups without=speed without=last-known without=spikes\n"
-      "186 bus-fault 5 0 16 0.0075346191638295595\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+      "186 bus-fault 5 0 16 0.0075346191638295595\n");
 }
 
 TEST(Flights, AJointThatIsCarriedWhileItsRepliesAreLateMayBeEnabledWhereItWas) {
-  const FlightOutcome outcome =
-      PlayFlight(ParseFlight("flight seed=7894 ticks=2485 without=sensor without=feedback "
-                             "without=reactions without=collapse "
-                             "without=get-ups without=speed without=last-known without=spikes\n"
-                             "2241 pause 5 0 6 0\n"
-                             "2481 bus-fault 3 0 1 1\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+  ExpectNothingAmiss(
+      "flight seed=7894 ticks=2485 without=sensor without=feedback "
+      "without=reactions without=collapse "
+      "without=get-ups without=speed without=last-known without=spikes\n"
+      "2241 pause 5 0 6 0\n"
+      "2481 bus-fault 3 0 1 1\n");
 }
 
 TEST(Flights, ACommandThatIsRefusedMayMeetAFaultThatWasLatchedBeforeGoingHome) {
-  const FlightOutcome outcome = PlayFlight(ParseFlight(
+  ExpectNothingAmiss(
       "flight seed=9468 ticks=5459 without=aborts without=reactions without=collapse "
       "without=procedure without=get-ups without=speed without=last-known without=spikes\n"
       "0 bus-fault 0 1 0 0\n"
@@ -260,66 +263,60 @@ TEST(Flights, ACommandThatIsRefusedMayMeetAFaultThatWasLatchedBeforeGoingHome) {
       "4658 drive-error 3 0 0 0\n"
       "4725 stranger 4 1 0 0\n"
       "4964 pause 3 0 3 0\n"
-      "5429 bus-fault 1 2 37 0.559382889295961\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+      "5429 bus-fault 1 2 37 0.559382889295961\n");
 }
 
 TEST(Flights, ADisarmMayNotReachWhatWasArmedPastTheProcedure) {
-  const FlightOutcome outcome = PlayFlight(
-      ParseFlight("flight seed=15704 ticks=5817 without=feedback without=aborts without=collapse "
-                  "without=get-ups without=speed without=last-known without=spikes\n"
-                  "2967 send 5 0 1 0\n"
-                  "3240 lose-replies 0 0 139 0\n"
-                  "3321 drive-error 4 0 0 0\n"
-                  "3348 pause 5 0 20 0\n"
-                  "3614 link 5 0 1 0\n"
-                  "4034 controller 2 0 1 0\n"
-                  "4477 controller 3 0 1 0\n"
-                  "4705 lose-replies 5 0 5 0\n"
-                  "5641 pause 3 0 141 0\n"
-                  "5757 command 1 2 0 0\n"
-                  "5816 request 3 0 0 0\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+  ExpectNothingAmiss(
+      "flight seed=15704 ticks=5817 without=feedback without=aborts without=collapse "
+      "without=get-ups without=speed without=last-known without=spikes\n"
+      "2967 send 5 0 1 0\n"
+      "3240 lose-replies 0 0 139 0\n"
+      "3321 drive-error 4 0 0 0\n"
+      "3348 pause 5 0 20 0\n"
+      "3614 link 5 0 1 0\n"
+      "4034 controller 2 0 1 0\n"
+      "4477 controller 3 0 1 0\n"
+      "4705 lose-replies 5 0 5 0\n"
+      "5641 pause 3 0 141 0\n"
+      "5757 command 1 2 0 0\n"
+      "5816 request 3 0 0 0\n");
 }
 
 TEST(Flights, AfterGoingHomeAFaultThatIsLatchedMayHideOneThatCountsForLessInFault) {
-  const FlightOutcome outcome = PlayFlight(
-      ParseFlight("flight seed=29088 ticks=340 without=feedback without=aborts without=get-ups "
-                  "without=gravity without=speed without=last-known without=spikes\n"
-                  "208 pause 0 0 1 0\n"
-                  "339 pause 5 0 48 0\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+  ExpectNothingAmiss(
+      "flight seed=29088 ticks=340 without=feedback without=aborts without=get-ups "
+      "without=gravity without=speed without=last-known without=spikes\n"
+      "208 pause 0 0 1 0\n"
+      "339 pause 5 0 48 0\n");
 }
 
 TEST(Flights, ABusOffInALateTickAfterGoingHomeIsNoExceptionToThat) {
-  const FlightOutcome outcome =
-      PlayFlight(ParseFlight("flight seed=47763 ticks=1823 without=sensor without=feedback "
-                             "without=aborts without=collapse without=procedure without=get-ups "
-                             "without=gravity without=speed without=last-known without=spikes\n"
-                             "960 stutter 0 0 0 0\n"
-                             "1822 bus-fault 6 1 1 0\n"
-                             "1822 stutter 0 0 0 0\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+  ExpectNothingAmiss(
+      "flight seed=47763 ticks=1823 without=sensor without=feedback "
+      "without=aborts without=collapse without=procedure without=get-ups "
+      "without=gravity without=speed without=last-known without=spikes\n"
+      "960 stutter 0 0 0 0\n"
+      "1822 bus-fault 6 1 1 0\n"
+      "1822 stutter 0 0 0 0\n");
 }
 
 TEST(Flights, ADriveMayResistSomebodyWhoMovesItsJointWhileArming) {
-  const FlightOutcome outcome =
-      PlayFlight(ParseFlight("flight seed=42194 ticks=2179 without=sensor without=feedback "
-                             "without=aborts without=reactions without=collapse without=get-ups "
-                             "without=gravity without=speed without=last-known without=spikes\n"
-                             "0 pause 0 0 53 0\n"
-                             "2089 lose-heartbeat 7 0 110 0\n"
-                             "2127 displace 1 0 1 -0.39042205619354275\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+  ExpectNothingAmiss(
+      "flight seed=42194 ticks=2179 without=sensor without=feedback "
+      "without=aborts without=reactions without=collapse without=get-ups "
+      "without=gravity without=speed without=last-known without=spikes\n"
+      "0 pause 0 0 53 0\n"
+      "2089 lose-heartbeat 7 0 110 0\n"
+      "2127 displace 1 0 1 -0.39042205619354275\n");
 }
 
 TEST(Flights, AJointThatWasFastWhenItsDriveWasEnabledMayOvershoot) {
-  const FlightOutcome outcome = PlayFlight(ParseFlight(
+  ExpectNothingAmiss(
       "flight seed=93770 ticks=560 without=sensor without=feedback without=aborts without=get-ups "
       "without=gravity without=speed without=last-known without=spikes\n"
       "244 link 5 0 1 0\n"
-      "466 displace 2 0 13 -0.7248304595008959\n"));
-  EXPECT_THAT(outcome.violations, IsEmpty()) << outcome.violations[0].what;
+      "466 displace 2 0 13 -0.7248304595008959\n");
 }
 
 }  // namespace
