@@ -95,8 +95,7 @@ LockedJoints LockedOf(const Arguments& arguments) {
 /// Checks that the joints which were to be locked are there, and may be where they are.
 void CheckLocked(const Robot& robot, const LockedJoints& asked) {
   for (const auto& [name, position] : asked) {
-    const auto found = std::find_if(robot.locked.begin(), robot.locked.end(),
-                                    [&](const LockedJoint& lock) { return lock.name == name; });
+    const auto found = std::ranges::find(robot.locked, name, &LockedJoint::name);
     if (found == robot.locked.end()) {
       throw UsageError("--locked",
                        fmt::format("'{}' is no joint of {} that moves", name, robot.file));
