@@ -118,8 +118,9 @@ void SensorWatch::TakeTime(std::uint32_t time) noexcept {
   const auto behind = static_cast<std::int32_t>(now - (time - first_time_));
   if (!has_promptest_ || behind < promptest_) promptest_ = behind;
   has_promptest_ = true;
-  is_late_ =
-      static_cast<float>(behind - promptest_) * InertialSensor::kTimeStep_s > settings_.late_max_s;
+  // The difference of two int32 that are in order is in the range of an uint32.
+  const auto later = static_cast<std::uint32_t>(behind) - static_cast<std::uint32_t>(promptest_);
+  is_late_ = static_cast<float>(later) * InertialSensor::kTimeStep_s > settings_.late_max_s;
 }
 
 void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept {

@@ -310,6 +310,23 @@ TEST(SensorWatch, NoticesReportsThatComeLaterThanTheyDidWhateverTheClocksBeganWi
   }
 }
 
+TEST(SensorWatch, TakesNoLeapOfTheSensorsClockForPromptness) {
+  // Half the range of the clock and a little less or more: what the leap makes later is then up to
+  // 2^31 steps late, which no int32 holds.
+  for (std::uint32_t leap = 0x80000000U - 3; leap <= 0x80000000U + 3; ++leap) {
+    WatchRig rig;
+    const auto tick = [&](std::uint32_t n, std::uint32_t by) {
+      std::vector<CanFrame> frames = testing::SensorFrames(1e-4 * (n % 2), 0);
+      frames.push_back(XsensTimeFrame(XsensMtiConfig{}, 10 * n + by));
+      return rig.Tick(frames);
+    };
+    std::uint32_t n = 1;
+    for (; n < 200; ++n) ASSERT_EQ(tick(n, 0), SensorStatus::kOk) << n;
+    const bool late = tick(n++, leap) == SensorStatus::kLate;
+    EXPECT_NE(tick(n++, 0) == SensorStatus::kLate, late) << "a leap by " << leap;
+  }
+}
+
 TEST(SensorSettings, AreRefusedWhereTheyMakeNoSense) {
   SensorSettings settings;
   EXPECT_TRUE(settings.IsValid());
