@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <type_traits>
@@ -69,6 +70,9 @@ double Change(Config& config, const std::string& key, double by) {
     if (field.key != key) return;
     if constexpr (std::is_same_v<Value, bool>) {
       value = !value;
+    } else if constexpr (std::is_integral_v<Value>) {
+      // A count of 0 less 1 is the largest, as it would be read from a record.
+      value = static_cast<Value>(static_cast<std::int64_t>(value) + static_cast<std::int64_t>(by));
     } else {
       value = static_cast<Value>(static_cast<double>(value) + by);
     }
