@@ -104,6 +104,7 @@ class ValueWriter {
   void operator()(const NameValue& value) const { writer_.Text(name_, value.get(value.at)); }
   void operator()(std::span<double> value) const { writer_.Numbers(name_, value); }
   void operator()(std::vector<double>* value) const { writer_.Numbers(name_, *value); }
+  void operator()(std::vector<std::string>* value) const { writer_.Texts(name_, *value); }
   template <class Other>
   void operator()(const Other& /*value*/) const {
     throw std::logic_error(fmt::format("{}: keys of this kind are only read", name_));

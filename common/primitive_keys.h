@@ -350,6 +350,15 @@ inline constexpr auto kGuessFileKeys = AllRequired(std::array{
         "guess_file", "the primitive whose paths it was solved from (`--guess`), else left out"),
     KeyOf<&Provenance::guess_hash>("guess_hash", "that one's `content_hash`, likewise"),
 });
+/// Keys of a motion that complements others: the file has both or neither.
+inline constexpr auto kComplementFileKeys = AllRequired(std::array{
+    KeyOf<&Provenance::complement_files>(
+        "complement_files",
+        "the primitives that do not carry the robots that it was found on (`--complement`), else "
+        "left out"),
+    KeyOf<&Provenance::complement_hashes>("complement_hashes",
+                                          "the `content_hash` of each, likewise"),
+});
 /// The key of a motion that was changed by hand and signed: the file has it or not.
 inline constexpr auto kEditedKeys = AllRequired(std::array{
     KeyOf<&Provenance::edited>(

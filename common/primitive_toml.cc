@@ -501,6 +501,17 @@ Provenance ReadProvenance(TomlTable table, Derived derived) {
                  "key");
     }
   }
+  if (table.Has("complement_files") || table.Has("complement_hashes")) {
+    ReadKeys(table, kComplementFileKeys, provenance);
+    const std::size_t files = provenance.complement_files.size();
+    const std::size_t hashes = provenance.complement_hashes.size();
+    if (files == 0 || files != hashes) {
+      table.Fail("complement_files",
+                 fmt::format("has {} names, and complement_hashes {} hashes; allowed: as many, and "
+                             "one at least, or neither key",
+                             files, hashes));
+    }
+  }
   if (table.Has("edited")) {
     ReadKeys(table, kEditedKeys, provenance);
     if (provenance.edited.empty())
@@ -678,6 +689,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kProvenanceKeys, "`[provenance]`"),
                    RowsOf(kStartFileKeys, "`[provenance]`"),
                    RowsOf(kGuessFileKeys, "`[provenance]`"),
+                   RowsOf(kComplementFileKeys, "`[provenance]`"),
                    RowsOf(kEditedKeys, "`[provenance]`"),
                    RowsOf(kSourceTextKeys, "`[provenance]`")}),
            {"key", "", "allowed", "meaning"}}};

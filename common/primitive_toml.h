@@ -161,6 +161,11 @@ struct Provenance {
   std::string guess_file;
   /// The ContentHash of that primitive; empty when `guess_file` is.
   std::string guess_hash;
+  /// The motions that it complements, tried before it: it was found on robots that none of them
+  /// carries (`--complement`); empty: on all.
+  std::vector<std::string> complement_files;
+  /// The ContentHash of each of these primitives.
+  std::vector<std::string> complement_hashes;
   /// Why the file was changed by hand after it was made, in the words of those who signed it;
   /// empty: it was not. What was verified was verified before the change.
   std::string edited;

@@ -93,6 +93,7 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   WriteKeys(writer, kProvenanceKeys, provenance);
   if (!provenance.start_file.empty()) WriteKeys(writer, kStartFileKeys, provenance);
   if (!provenance.guess_file.empty()) WriteKeys(writer, kGuessFileKeys, provenance);
+  if (!provenance.complement_files.empty()) WriteKeys(writer, kComplementFileKeys, provenance);
   if (!provenance.edited.empty()) WriteKeys(writer, kEditedKeys, provenance);
   WriteKeys(writer, kSourceTextKeys, provenance);
 }

@@ -101,6 +101,15 @@ void TomlWriter::Text(std::string_view key, std::string_view value) {
   Line(fmt::format("{} = \"{}\"", key, Escaped(value, false)));
 }
 
+void TomlWriter::Texts(std::string_view key, std::span<const std::string> values) {
+  std::string list;
+  for (const std::string& value : values) {
+    RequireUtf8(key, value);
+    list += fmt::format("{}\"{}\"", list.empty() ? "" : ", ", Escaped(value, false));
+  }
+  Line(fmt::format("{} = [{}]", key, list));
+}
+
 void TomlWriter::LongText(std::string_view key, std::string_view value) {
   RequireUtf8(key, value);
   Line(fmt::format("{} = {}", key, MultilineText(value)));

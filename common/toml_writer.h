@@ -19,6 +19,7 @@ class TomlWriter {
   void Number(std::string_view key, double value);
   void Numbers(std::string_view key, std::span<const double> values);
   void Text(std::string_view key, std::string_view value);
+  void Texts(std::string_view key, std::span<const std::string> values);
   /// A text of several lines, written so that people can read it in the file.
   void LongText(std::string_view key, std::string_view value);
 

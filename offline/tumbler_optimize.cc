@@ -44,6 +44,7 @@ struct Arguments {
   std::vector<std::string> tasks;
   std::string start_from;
   std::string guess;
+  std::vector<std::string> complement;  ///< Primitives that are tried before.
   std::string out;
   std::string report;
   std::string json;
@@ -64,6 +65,8 @@ Task Load(const Arguments& arguments, const std::string& path) {
   Problem& problem = task.problem;
   if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
   CheckGuess(task);
+  for (const std::string& other : arguments.complement)
+    TakeComplement(task, LoadPrimitive(other), other);
   if (arguments.seed) problem.search.seed = *arguments.seed;
   if (arguments.minima > 0) {
     // This many motions are solved, each from a start of its own and until it converges. A motion
@@ -108,6 +111,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   for (const std::string& path : {arguments.start_from, arguments.guess}) {
     if (!path.empty()) inputs.push_back(path);
   }
+  inputs.insert(inputs.end(), arguments.complement.begin(), arguments.complement.end());
   inputs.push_back(task.robot_file);
   std::vector<std::string> files;
   for (const std::string& path : {arguments.out, arguments.json}) {
@@ -240,6 +244,8 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
     throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
   if (!arguments.guess.empty())
     throw std::invalid_argument("--guess: is for one task; give the tasks one at a time");
+  if (!arguments.complement.empty())
+    throw std::invalid_argument("--complement: is for one task; give the tasks one at a time");
   std::vector<Task> tasks = LoadSeveral(arguments);
   CheckResults(tasks, arguments);
   for (const Task& task : tasks) PrintNotes(task);
@@ -297,6 +303,9 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--guess", arguments.guess,
               "Solve from the paths of this primitive, and near them, without a search: of another "
               "task, robot, ground, duration or number of control points");
+  line.Option("--complement", arguments.complement,
+              "Find the motion for the robots on which these primitives fail, which are tried "
+              "before it; for tasks with [robust]");
   line.Option("--out", arguments.out,
               "Write the primitive here; for several tasks the folder, for NAME.toml of each");
   line.Seed(arguments.seed, "Seed of the global search, instead of the task's");

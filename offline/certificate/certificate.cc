@@ -402,6 +402,9 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.start_hash = task.start_hash;
   provenance.guess_file = PrintableInLine(task.guess_file);
   provenance.guess_hash = task.guess_hash;
+  for (const std::string& other : task.complement_files)
+    provenance.complement_files.push_back(PrintableInLine(other));
+  provenance.complement_hashes = task.complement_hashes;
   return file;
 }
 

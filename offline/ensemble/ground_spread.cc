@@ -11,6 +11,7 @@ namespace {
 std::optional<double> NumberOf(std::string_view text) {
   double value = 0;
   const char* const end = text.data() + text.size();
+  // It is given its end. NOLINTNEXTLINE(bugprone-suspicious-stringview-data-usage)
   const auto [at, error] = std::from_chars(text.data(), end, value);
   if (error != std::errc() || at != end) return std::nullopt;
   return value;

@@ -61,6 +61,12 @@ std::string Text(const SpaceVector& v) {
   return fmt::format("{} {} {}", Text(v.x()), Text(v.y()), Text(v.z()));
 }
 
+/// The numbers of an object in one of MuJoCo's arrays, `size` for each.
+template <int size, class Number>
+const Number* Row(const Number* all, int object) {
+  return all + static_cast<std::ptrdiff_t>(size) * object;
+}
+
 class Converter {
  public:
   Converter(const mjModel& model, std::optional<double> velocity)
@@ -135,8 +141,9 @@ class Converter {
   void AddBody(int body) {
     const int parent = m_.body_parentid[body];
     std::string above = NameOf(mjOBJ_BODY, parent);
-    SpaceVector place = Vector(m_.body_pos + 3 * body) - origins_[static_cast<std::size_t>(parent)];
-    SpaceMatrix turned = Rotation(m_.body_quat + 4 * body);
+    SpaceVector place =
+        Vector(Row<3>(m_.body_pos, body)) - origins_[static_cast<std::size_t>(parent)];
+    SpaceMatrix turned = Rotation(Row<4>(m_.body_quat, body));
     const std::string name = NameOf(mjOBJ_BODY, body);
     SpaceVector origin = SpaceVector::Zero();  // of the link, in the body's frame
     if (m_.body_jntnum[body] == 0) {
@@ -144,8 +151,8 @@ class Converter {
     }
     for (int k = 0; k < m_.body_jntnum[body]; ++k) {
       const int joint = m_.body_jntadr[body] + k;
-      const SpaceVector at =
-          m_.jnt_type[joint] == mjJNT_FREE ? SpaceVector::Zero() : Vector(m_.jnt_pos + 3 * joint);
+      const SpaceVector at = m_.jnt_type[joint] == mjJNT_FREE ? SpaceVector::Zero()
+                                                              : Vector(Row<3>(m_.jnt_pos, joint));
       place += turned * (at - origin);
       origin = at;
       const bool last = k + 1 == m_.body_jntnum[body];
@@ -169,11 +176,11 @@ class Converter {
     }
     const bool limited = m_.jnt_limited[joint] != 0, slides = type == mjJNT_SLIDE;
     std::string more =
-        fmt::format("    <axis xyz=\"{}\"/>\n    <limit", Text(Vector(m_.jnt_axis + 3 * joint)));
+        fmt::format("    <axis xyz=\"{}\"/>\n    <limit", Text(Vector(Row<3>(m_.jnt_axis, joint))));
     if (limited || slides) {
       const mjtNum zero = m_.qpos0[m_.jnt_qposadr[joint]];
-      const double lower = limited ? m_.jnt_range[2 * joint] - zero : -1000;
-      const double upper = limited ? m_.jnt_range[2 * joint + 1] - zero : 1000;
+      const double lower = limited ? Row<2>(m_.jnt_range, joint)[0] - zero : -1000;
+      const double upper = limited ? Row<2>(m_.jnt_range, joint)[1] - zero : 1000;
       more += fmt::format(" lower=\"{}\" upper=\"{}\"", Text(lower), Text(upper));
     }
     if (const std::optional<double> effort = EffortOf(joint))
@@ -202,21 +209,23 @@ class Converter {
     double effort = 0;
     bool any = false;
     for (int a = 0; a < m_.nu; ++a) {
-      if (m_.actuator_trntype[a] != mjTRN_JOINT || m_.actuator_trnid[2 * a] != joint) continue;
+      if (m_.actuator_trntype[a] != mjTRN_JOINT || Row<2>(m_.actuator_trnid, a)[0] != joint)
+        continue;
       const auto largest = [](const mjtNum* range) {
         return std::max(std::abs(range[0]), std::abs(range[1]));
       };
       double force = 0;
       if (m_.actuator_forcelimited[a] != 0) {
-        force = largest(m_.actuator_forcerange + 2 * a);
+        force = largest(Row<2>(m_.actuator_forcerange, a));
       } else if (m_.actuator_ctrllimited[a] != 0 && m_.actuator_gaintype[a] == mjGAIN_FIXED &&
                  m_.actuator_biastype[a] == mjBIAS_NONE) {
-        force = largest(m_.actuator_ctrlrange + 2 * a) * std::abs(m_.actuator_gainprm[mjNGAIN * a]);
+        force = largest(Row<2>(m_.actuator_ctrlrange, a)) *
+                std::abs(Row<mjNGAIN>(m_.actuator_gainprm, a)[0]);
       } else {
         return std::nullopt;
       }
       any = true;
-      effort += force * std::abs(m_.actuator_gear[6 * a]);
+      effort += force * std::abs(Row<6>(m_.actuator_gear, a)[0]);
     }
     if (!any) return std::nullopt;
     return effort;
@@ -237,11 +246,12 @@ class Converter {
     const std::string name = NameOf(mjOBJ_BODY, body);
     urdf_ += fmt::format("  <link name=\"{}\">\n", Escaped(name));
     if (body > 0 && m_.body_mass[body] > 0) {
-      const SpaceVector I = Vector(m_.body_inertia + 3 * body);
+      const SpaceVector I = Vector(Row<3>(m_.body_inertia, body));
       urdf_ += fmt::format(
           "    <inertial>\n      {}\n      <mass value=\"{}\"/>\n      <inertia ixx=\"{}\" "
           "ixy=\"0\" ixz=\"0\" iyy=\"{}\" iyz=\"0\" izz=\"{}\"/>\n    </inertial>\n",
-          Origin(Vector(m_.body_ipos + 3 * body) - origin, Rotation(m_.body_iquat + 4 * body)),
+          Origin(Vector(Row<3>(m_.body_ipos, body)) - origin,
+                 Rotation(Row<4>(m_.body_iquat, body))),
           Text(m_.body_mass[body]), Text(I.x()), Text(I.y()), Text(I.z()));
     }
     for (int k = 0; k < m_.body_geomnum[body]; ++k)
@@ -250,7 +260,7 @@ class Converter {
   }
 
   void AddGeom(int geom, const std::string& link, const SpaceVector& origin) {
-    const SpaceVector size = Vector(m_.geom_size + 3 * geom);
+    const SpaceVector size = Vector(Row<3>(m_.geom_size, geom));
     std::string form;
     switch (m_.geom_type[geom]) {
       case mjGEOM_SPHERE:
@@ -279,7 +289,8 @@ class Converter {
     const char* const element = collides ? "collision" : "visual";
     urdf_ += fmt::format(
         "    <{0}>\n      {1}\n      <geometry>{2}</geometry>\n    </{0}>\n", element,
-        Origin(Vector(m_.geom_pos + 3 * geom) - origin, Rotation(m_.geom_quat + 4 * geom)), form);
+        Origin(Vector(Row<3>(m_.geom_pos, geom)) - origin, Rotation(Row<4>(m_.geom_quat, geom))),
+        form);
   }
 
   const mjModel& m_;

@@ -72,7 +72,7 @@ RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKi
   }
   review.obstacles = ObstaclesToPlanning(*review.robot);
   LockedJoints all = locked;
-  std::optional<Robot> reduced = *review.robot;
+  std::optional<Robot> reduced = review.robot;
   // An axis may leave the plane only because of another that is not at 0.
   while (AddUnmovable(*reduced, all)) {
     reduced.reset();
@@ -116,9 +116,10 @@ std::string TomlKey(const std::string& name) {
 
 std::string LockedAsToml(const LockedJoints& locked) {
   std::string text = "locked = {";
-  for (const auto& [name, position] : locked)
+  for (const auto& [name, position] : locked) {
     text += fmt::format("{} {} = {}", text.back() == '{' ? "" : ",", TomlKey(name),
                         ExactDecimal(position));
+  }
   return text + " }";
 }
 

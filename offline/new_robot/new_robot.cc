@@ -156,7 +156,7 @@ max_evaluations = 60      # ... with so many evaluations each
                      PoseText(joints, rise ? "0.0" : kLying), joints <= 4 ? "1.2" : "1.8");
 }
 
-std::string Sequence(const std::string& name) {
+std::string SequenceText(const std::string& name) {
   return fmt::format(
       R"(# Rising and lying down, again and again. `tumbler-chain check {0}.toml` says whether the motions fit each other.
 format = "tumbler-sequence"
@@ -294,7 +294,7 @@ std::vector<NewFile> NewRobot(const std::string& name, int joints) {
   return {{name + ".urdf", Urdf(name, joints)},
           {"tasks/rise.toml", TaskText(name, joints, true)},
           {"tasks/lie.toml", TaskText(name, joints, false)},
-          {name + ".toml", Sequence(name)},
+          {name + ".toml", SequenceText(name)},
           {"drives.toml", Drives(name, joints)},
           {"twin.toml", Twin(name)},
           {"README.md", Readme(name)}};

@@ -241,7 +241,8 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   result.outcome =
       problem.robust
           ? SolveRobust(problem, options, result.task.guess,
-                        result.task.guess_feedback ? &*result.task.guess_feedback : nullptr)
+                        result.task.guess_feedback ? &*result.task.guess_feedback : nullptr,
+                        result.task.complement)
       : guessed ? SolveFromGuess(problem, result.task.guess, options)
                 : Solve(problem, options);
   progress.Finish();

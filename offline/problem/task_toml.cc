@@ -850,6 +850,9 @@ Task Parse(const std::string& task_text, const std::string& task_name,
           "",
           "",
           {},
+          {},
+          {},
+          {},
           {}};
 }
 
@@ -977,6 +980,8 @@ Task TaskOf(const PrimitiveFile& file) {
   task.start_hash = from.start_hash;
   task.guess_file = from.guess_file;
   task.guess_hash = from.guess_hash;
+  task.complement_files = from.complement_files;
+  task.complement_hashes = from.complement_hashes;
   return task;
 }
 

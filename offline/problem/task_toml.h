@@ -29,6 +29,11 @@ struct Task {
   std::vector<double> guess;
   /// Its feedback, where the task takes its gains.
   std::optional<Feedback<double>> guess_feedback;
+  /// The primitives that the motion complements, and the ContentHash of each. Empty: none.
+  std::vector<std::string> complement_files;
+  std::vector<std::string> complement_hashes;
+  /// Those motions, with the problem's joints in their order.
+  std::vector<Primitive<double>> complement;
 };
 
 /// The largest distance [rad] between a joint's position at the exit of one primitive and at the

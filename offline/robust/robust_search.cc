@@ -1,9 +1,12 @@
 #include "offline/robust/robust_search.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -52,6 +55,14 @@ constexpr double kRounding = 1e-9;
 /// A loss from which on robots mostly fall, and one that cannot be told from 0.
 constexpr double kHopeless = 0.9;
 constexpr double kPerfect = 1e-3;
+/// A loss below which a motion carries a robot (`LossOf`).
+constexpr double kCarried = 0.2;
+/// A loss with which the model does what is asked, and not only nearly.
+constexpr double kCalm = 0.08;
+/// The part of a guess's loss on robots that it does not carry with which a motion complements it.
+constexpr double kBetter = 0.95;
+/// How many robots are looked at, for each that is wanted, to find those that no motion carries.
+constexpr int kLooked = 200;
 /// The loss of a robot that the runtime stops, or whose own shapes overlap.
 constexpr double kFaultLoss = 1.3;
 /// How often the shapes of robots whose setpoints are corrected are looked at [ticks].
@@ -101,16 +112,17 @@ struct Candidate {
 
 class RobustSearch {
  public:
-  RobustSearch(const Problem& problem, const SolveOptions& options)
+  RobustSearch(const Problem& problem, const SolveOptions& options,
+               std::span<const Primitive<double>> complement)
       : problem_(problem),
         robust_(*problem.robust),
         options_(options),
+        complement_(complement),
         kernel_(*PacketKernels().front()),
         rows_(DerivativeLimitRows(problem)),
         parameters_(problem.parameter_count()),
         joints_(problem.joints.size()) {
     lanes_ = LanesOf(RobotVariation{});
-    model_ = MakeEnsemble(static_cast<int>(kLanes), 0);
     target_rad_ = *problem.target_pitch_rad;
     for (const CostTerm& term : problem.cost) {
       if (term.targets_pitch() && term.when == CostTerm::When::kSettled)
@@ -122,6 +134,9 @@ class RobustSearch {
       if (!place || term.when != CostTerm::When::kSettled || term.weight <= 0) continue;
       places_.push_back({Index(term.dof), term.target, tolerance_rad_ / term.tolerance});
     }
+    model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kRough);
+    if (!complement_.empty())
+      fine_model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kFine);
   }
 
   /// @param guess  a motion to begin with, in place of the first two stages; empty: none. Where a
@@ -133,7 +148,14 @@ class RobustSearch {
     if (!guess.empty()) {
       best = {{{guess.begin(), guess.end()}, 0}};
       best.front().x.resize(variables());
-      if (!robust_.feedback) best = Polish(best);
+      if (!complement_.empty()) {
+        // The model, none of these robots, may not do well with the best: then another is taken.
+        best = ForOneEach(best.front());
+        const std::vector<Candidate> polished = Polish(best);
+        best.insert(best.begin(), polished.begin(), polished.end());
+      } else if (!robust_.feedback) {
+        best = Polish(best);
+      }
     } else {
       best = Improve(RandomMotions(), robust_.starts, 0.12, MakeEnsemble(16, 1),
                      robust_.generations / 3);
@@ -184,6 +206,41 @@ class RobustSearch {
     for (int round = robust_.polish_rounds - 1; round >= 0; --round)
       from = Improve(from, 1, 0.03, Polishing(1 << round), robust_.generations);
     return from;
+  }
+
+  /// Motions made for one robot each, of those that the complement's motions do not carry, judged
+  /// by many of them. These fall for several reasons, between which no small change of a motion
+  /// leads; what carries one of them carries those that fall for the same.
+  /// @returns  the best first.
+  std::vector<Candidate> ForOneEach(const Candidate& from) {
+    constexpr double kSigma = 0.05;
+    const std::uint64_t seed = problem_.search.seed * 1000;
+    const double scale = robust_.polish_scale;
+    const std::size_t starts = (Index(robust_.starts) + kLanes - 1) / kLanes * kLanes;
+    std::vector<Candidate> found = {from};
+    ++stage_;
+    for (const std::uint64_t robot : NotCarried(starts, scale, seed, kRough)) {
+      if (interrupted()) break;
+      const Ensemble one =
+          EnsembleOf(std::vector<std::uint64_t>(kLanes, robot), scale, seed, kRough);
+      found.push_back(ImproveOne(from, static_cast<int>(found.size()) - 1, kSigma, one,
+                                 robust_.generations / 3, kHopeless));
+    }
+    std::vector<std::vector<double>> motions;
+    for (const Candidate& candidate : found) motions.push_back(candidate.x);
+    const std::vector<double> losses = Evaluate(motions, Polishing(1));
+    for (std::size_t i = 0; i < found.size(); ++i) found[i].loss = losses[i];
+    const double carries_none = found.front().loss;
+    std::erase_if(found, [&](const Candidate& c) { return c.loss > kBetter * carries_none; });
+    Sort(found);
+    ++stage_;
+    if (found.empty() && !interrupted()) {
+      throw std::runtime_error(
+          "no change of the guess carries robots that the motions to complement do not carry; give "
+          "robust.generations or robust.starts more, or another guess");
+    }
+    if (!found.empty()) Tell(false, 0, found.front().loss);
+    return found;
   }
 
   /// Finds gains that act in a motion, which stays as it is, and before them those of the hold,
@@ -266,6 +323,76 @@ class RobustSearch {
 
   /// Robots of an ensemble of its own for each size and scale.
   Ensemble MakeEnsemble(int robots, double scale, LaneSteps steps = kRough) const {
+    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(robots);
+    std::vector<std::uint64_t> which;
+    const std::size_t whole = (Index(robots) + kLanes - 1) / kLanes * kLanes;
+    if (complement_.empty()) {
+      for (std::size_t i = 0; i < whole; ++i) which.push_back(i);
+    } else {
+      which = NotCarried(whole, scale, seed, steps);
+    }
+    return EnsembleOf(which, scale, seed, steps);
+  }
+
+  /// The first robots of a seed that no motion of the complement carries.
+  /// @param count  of robots, whole packets. Fewer are returned where so many are hard to find.
+  std::vector<std::uint64_t> NotCarried(std::size_t count, double scale, std::uint64_t seed,
+                                        LaneSteps steps) const {
+    constexpr std::size_t kPackets = 32;  // at a time
+    std::vector<Setpoints> motions;
+    for (const Primitive<double>& motion : complement_) motions.push_back(SetpointsOf(motion));
+    std::vector<std::uint64_t> found;
+    std::uint64_t looked = 0;
+    while (found.size() < count && looked < count * kLooked && !interrupted()) {
+      std::array<std::array<bool, kLanes>, kPackets> carried{};
+      ParallelFor(static_cast<int>(kPackets), options_.threads, [&](int packet, int /*thread*/) {
+        std::vector<std::uint64_t> which;
+        for (std::size_t lane = 0; lane < kLanes; ++lane)
+          which.push_back(looked + Index(packet) * kLanes + lane);
+        const Ensemble ensemble = EnsembleOf(which, scale, seed, steps);
+        Distances distances;  // without a feedback nothing is looked at
+        for (std::size_t m = 0; m < motions.size(); ++m) {
+          const std::array<double, kLanes> losses = LossesOf(
+              MakePlay(ensemble, 0, motions[m], distances), Ticks(complement_[m].duration_s));
+          for (std::size_t lane = 0; lane < kLanes; ++lane)
+            carried[Index(packet)][lane] |= losses[lane] < kCarried;
+        }
+      });
+      for (std::size_t i = 0; i < kPackets * kLanes && found.size() < count; ++i)
+        if (!carried[i / kLanes][i % kLanes]) found.push_back(looked + i);
+      looked += kPackets * kLanes;
+    }
+    if (found.size() < kLanes && !interrupted()) {
+      throw std::runtime_error(
+          fmt::format("the motions to complement carry all but {} of {} robots: too few to find "
+                      "another for; leave --complement out, or let robots differ more "
+                      "(robust.polish_scale)",
+                      found.size(), looked));
+    }
+    found.resize(std::max(found.size() / kLanes, std::size_t{1}) * kLanes);  // 1: interrupted
+    return found;
+  }
+
+  /// Those of a primitive, as its hold goes on.
+  Setpoints SetpointsOf(const Primitive<double>& motion) const {
+    const int end = Ticks(motion.duration_s) + Ticks(problem_.settle_s) + Ticks(kLater_s);
+    Setpoints setpoints;
+    for (int k = 0; k < end; ++k) {
+      const double t = std::min(k * kTick_s, motion.duration_s);
+      for (const JointMotion<double>& joint : motion.motions()) {
+        const auto at = joint.position.Evaluate(t);
+        const double velocity = k * kTick_s < motion.duration_s ? at.first : 0;
+        setpoints.push_back({Packet::Of(at.value), Packet::Of(velocity),
+                             Packet::Of(joint.torque.Evaluate(t).value)});
+      }
+    }
+    return setpoints;
+  }
+
+  /// The robots with these numbers, as they stand before the motion.
+  /// @param which  whole packets.
+  Ensemble EnsembleOf(const std::vector<std::uint64_t>& which, double scale, std::uint64_t seed,
+                      LaneSteps steps) const {
     steps.per_tick *= FinerStepsFor(problem_.scene.contact, robust_.spreads, scale);
     Ensemble ensemble;
     ensemble.steps = steps;
@@ -274,14 +401,12 @@ class RobustSearch {
     Setpoints hold;
     for (int k = 0; k < Ticks(kBefore_s); ++k)
       hold.insert(hold.end(), ensemble.held.begin(), ensemble.held.begin() + joints_);
-    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(robots);
-    for (int first = 0; first < robots; first += static_cast<int>(kLanes)) {
+    for (std::size_t first = 0; first < which.size(); first += kLanes) {
       std::array<LaneRobot<double>, kLanes> each;
       std::array<LaneState<double>, kLanes> states, displaced;
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const std::uint64_t index = static_cast<std::uint64_t>(first) + lane;
         const RobotVariation variation =
-            DrawRobot(problem_.scene, robust_.spreads, scale, seed, index);
+            DrawRobot(problem_.scene, robust_.spreads, scale, seed, which[first + lane]);
         each[lane] = LanesOf(variation).robot;
         states[lane] = Start();
         displaced[lane] = DisplacementOf(variation);
@@ -290,7 +415,7 @@ class RobustSearch {
       HeldSetpoints<Packet> held = ensemble.held;
       LaneWatch<Packet> watch;
       ensemble.robots.push_back(PackLanes<LaneRobot>(each));
-      kernel_.drive(lanes_.model, ensemble.robots.back(), steps, hold, held, state, watch);
+      kernel_.drive(lanes_.model, ensemble.robots.back(), ensemble.steps, hold, held, state, watch);
       const LaneState<Packet> by = PackLanes<LaneState>(displaced);
       for (std::size_t dof = 0; dof < joints_ + 3; ++dof) {
         for (std::size_t lane = 0; lane < kLanes; ++lane) {
@@ -407,11 +532,12 @@ class RobustSearch {
     LaneState<Packet> state = PackLanes<LaneState>(states);
     LaneWatch<Packet> watch;
     std::vector<Packet> torques(setpoints.size());
-    kernel_.prescribe(lanes_.model, PackLanes<LaneRobot>(robots), step_s, setpoints, state, watch,
-                      torques);
+    const auto model = PackLanes<LaneRobot>(robots);
+    kernel_.prescribe(lanes_.model, model, step_s, setpoints, state, watch, torques);
     std::vector<Plan> plans(motions.size());
+    if (!complement_.empty()) NoteUnrest(model, step_s, setpoints, state, plans);
     for (std::size_t m = 0; m < motions.size(); ++m) {
-      plans[m].excess = std::max(0.0, watch.depth.lane(m) - kLargestDepth);
+      plans[m].excess += std::max(0.0, watch.depth.lane(m) - kLargestDepth);
       for (std::size_t j = 0; j < joints_; ++j) {
         const double limit = kLargestTorque * problem_.joints[j].limits.torque_max_nm;
         plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
@@ -420,6 +546,28 @@ class RobustSearch {
     }
     if (hold_) AddFeedback(motions, plans);
     return plans;
+  }
+
+  /// Adds to the excess of plans how far they are from resting where the task asks, at the end of
+  /// the settle phase. What is found for robots that others carry does so by itself.
+  void NoteUnrest(const LaneRobot<Packet>& model, double step_s, const Setpoints& setpoints,
+                  LaneState<Packet>& state, std::vector<Plan>& plans) const {
+    constexpr double kPart = 0.7;  // of the tolerances
+    const std::array<double, kLanes> off = OffOf(state);
+    Setpoints last;
+    const auto steps = static_cast<int>(std::lround(kWatched_s / step_s));
+    for (int k = 0; k < steps; ++k)
+      last.insert(last.end(), setpoints.end() - static_cast<std::ptrdiff_t>(joints_),
+                  setpoints.end());
+    LaneWatch<Packet> watch;
+    std::vector<Packet> torques(last.size());
+    kernel_.prescribe(lanes_.model, model, step_s, last, state, watch, torques);
+    for (std::size_t m = 0; m < plans.size(); ++m) {
+      const double speed = watch.root_speed.lane(m);
+      plans[m].excess += std::max(0.0, off[m] / (kPart * tolerance_rad_) - 1);
+      plans[m].excess += std::max(0.0, speed / (kPart * CostTerm::kRateTolerance) - 1);
+      if (!std::isfinite(plans[m].excess)) plans[m].excess = kUnplayable;
+    }
   }
 
   /// The torques of a lane, one for each tick and joint, averaged over their neighbours.
@@ -667,9 +815,8 @@ class RobustSearch {
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
                              const Ensemble& ensemble, Distances& distances) const {
-    const int settled = TicksOf(x) + Ticks(problem_.settle_s);
-    const int later = settled + Ticks(kLater_s);
-    Setpoints setpoints(Index(later) * joints_);
+    const int end = TicksOf(x) + Ticks(problem_.settle_s) + Ticks(kLater_s);
+    Setpoints setpoints(Index(end) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
       setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
@@ -677,15 +824,15 @@ class RobustSearch {
     });
     double sum = 0;
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
-      Play play{ensemble,      p,  setpoints, distances, ensemble.states[p],
-                ensemble.held, {}, {},        0,         {}};
+      Play play = MakePlay(ensemble, p, setpoints, distances);
       if (hold_) {
         play.feedback.emplace(plan.feedback, ensemble.noise[p], robust_.feedback->delay_s, kTick_s,
                               joints_);
       }
-      Advance(play, ensemble.robots[p], settled);
-      const double packet = LossAt(play, ensemble.robots[p], OffOf(play.state), later);
-      if (p == 0 && packet >= kLanes) return packet / kLanes;
+      const std::array<double, kLanes> losses = LossesOf(std::move(play), TicksOf(x));
+      const double packet = std::accumulate(losses.begin(), losses.end(), 0.0);
+      // Of robots that other motions do not carry, eight may well fall with a good one.
+      if (p == 0 && packet >= kLanes && complement_.empty()) return packet / kLanes;
       sum += packet;
     }
     return sum / static_cast<double>(ensemble.robots.size() * kLanes);
@@ -705,6 +852,12 @@ class RobustSearch {
     /// Whether a joint was too far from its setpoint, or own shapes overlapped.
     std::array<bool, kLanes> faulty{};
   };
+
+  [[nodiscard]] static Play MakePlay(const Ensemble& ensemble, std::size_t packet,
+                                     const Setpoints& setpoints, Distances& distances) {
+    return {ensemble,      packet, setpoints, distances, ensemble.states[packet],
+            ensemble.held, {},     {},        0,         {}};
+  }
 
   /// Plays on up to a tick.
   void Advance(Play& play, const LaneRobot<Packet>& robots, int end) const {
@@ -752,20 +905,26 @@ class RobustSearch {
     }
   }
 
-  /// Plays on up to a tick, and watches the last of the time until then. @returns the sum of
-  /// losses.
-  [[nodiscard]] double LossAt(Play& play, const LaneRobot<Packet>& robots,
-                              const std::array<double, kLanes>& settled, int end) const {
+  /// Plays a motion and its hold to the end, and watches the last of that time.
+  /// @param ticks  of the motion.
+  /// @returns the loss of each robot.
+  [[nodiscard]] std::array<double, kLanes> LossesOf(Play play, int ticks) const {
+    const LaneRobot<Packet>& robots = play.ensemble.robots[play.packet];
+    const int settled_tick = ticks + Ticks(problem_.settle_s);
+    const int end = settled_tick + Ticks(kLater_s);
+    Advance(play, robots, settled_tick);
+    const std::array<double, kLanes> settled = OffOf(play.state);
     Advance(play, robots, end - Ticks(kWatched_s));
     play.watch = {};
     Advance(play, robots, end);
     const std::array<double, kLanes> off = OffOf(play.state);
-    double sum = 0;
+    std::array<double, kLanes> losses;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      sum += play.faulty[lane] ? kFaultLoss
-                               : LossOf(settled[lane], off[lane], play.watch.root_speed.lane(lane));
+      losses[lane] = play.faulty[lane]
+                         ? kFaultLoss
+                         : LossOf(settled[lane], off[lane], play.watch.root_speed.lane(lane));
     }
-    return sum;
+    return losses;
   }
 
   /// Losses of motions, penalties included.
@@ -786,8 +945,14 @@ class RobustSearch {
       }
       if (playable.empty()) return;
       const std::vector<Plan> plans = Plans(playable);
-      for (std::size_t m = 0; m < playable.size(); ++m)
+      for (std::size_t m = 0; m < playable.size(); ++m) {
         losses[which[m]] += Judge(playable[m], plans[m], ensemble, distances) + 2 * plans[m].excess;
+        // Of those that others do not carry the model is none, and it has to do what the task asks.
+        if (!complement_.empty()) {
+          const double model = Judge(playable[m], plans[m], fine_model_, distances);
+          losses[which[m]] += std::max(0.0, model - kCalm);
+        }
+      }
     });
     evaluations_ += static_cast<std::int64_t>(motions.size());
     return losses;
@@ -876,7 +1041,9 @@ class RobustSearch {
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
     for (int g = 0; g < generations && !interrupted(); ++g) {
       if (best.loss < kPerfect) break;
-      if (g >= kHopelessAfter && best.loss > std::min(kHopeless, 3 * rival + 0.1)) break;
+      if (complement_.empty() && g >= kHopelessAfter &&
+          best.loss > std::min(kHopeless, 3 * rival + 0.1))
+        break;
       std::vector<std::vector<double>> motions = search.Ask();
       for (std::vector<double>& x : motions) x.insert(x.begin(), from.x.begin(), begin);
       const std::vector<double> losses = Evaluate(motions, ensemble);
@@ -893,12 +1060,14 @@ class RobustSearch {
   const Problem& problem_;
   const RobustSettings& robust_;
   const SolveOptions& options_;
+  std::span<const Primitive<double>> complement_;  ///< Tried before; see SolveRobust.
   const LaneKernel<Packet>& kernel_;
   std::vector<LinearRow> rows_;
   int parameters_;  // of a motion; behind them is its duration, where it is free
   std::size_t joints_;
   LaneScene lanes_;
-  Ensemble model_;  ///< Of robots that are all the model.
+  Ensemble model_;       ///< Of robots that are all the model.
+  Ensemble fine_model_;  ///< The same in finer steps, where a complement is searched.
   /// Of the hold, once it is found: then a motion has gains as well.
   std::optional<Feedback<double>> hold_;
   const Feedback<double>* taken_ = nullptr;  ///< Of the guess, where its gains are taken.
@@ -920,8 +1089,9 @@ class RobustSearch {
 }  // namespace
 
 SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
-                         std::span<const double> guess, const Feedback<double>* gains) {
-  RobustSearch search(problem, options);
+                         std::span<const double> guess, const Feedback<double>* gains,
+                         std::span<const Primitive<double>> complement) {
+  RobustSearch search(problem, options, complement);
   SolveOutcome outcome;
   const std::vector<Candidate> found = search.Run(guess, gains);
   for (std::size_t i = 0; i < found.size(); ++i) {

@@ -26,9 +26,16 @@ namespace tumbler {
 ///               Empty: none.
 /// @param gains  of a feedback that the guess gets as they are, where the problem asks for one: for
 ///               its joints in their order, with knots for its duration. Null: they are found.
-/// @pre problem.robust
+/// @param complement  motions of the problem's joints that are tried before this one: only robots
+///                    count that none of them carries, and the guess is changed for one of these at
+///                    first. Empty: all do.
+/// @throws std::runtime_error  when the motions to complement carry all but a few of many robots,
+/// or
+///                             nothing is found that carries one of the others.
+/// @pre problem.robust, and no feedback in it where there is a complement
 SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
                          std::span<const double> guess = {},
-                         const Feedback<double>* gains = nullptr);
+                         const Feedback<double>* gains = nullptr,
+                         std::span<const Primitive<double>> complement = {});
 
 }  // namespace tumbler

@@ -106,17 +106,19 @@ const std::string& NameOf(const Problem& problem, std::size_t joint) {
 }
 
 /// Which of a primitive's joints is that of the problem.
+/// @param use  what the primitive is for.
 std::size_t JointIn(const PrimitiveFile& file, const std::string& file_name, const Problem& problem,
-                    std::size_t joint) {
+                    std::size_t joint, const char* use = "a guess") {
   const std::span<const JointMotion<double>> motions = file.primitive.motions();
   const std::string& name = NameOf(problem, joint);
   const auto found = std::ranges::find_if(
       motions, [&](const JointMotion<double>& motion) { return motion.name.view() == name; });
   if (found == motions.end()) {
-    throw FileError(file_name, 0, "joint",
-                    fmt::format("has no joint '{}', which the task moves; a guess needs a path "
-                                "for every joint of the task",
-                                name));
+    throw FileError(
+        file_name, 0, "joint",
+        fmt::format("has no joint '{}', which the task moves; {} needs a path for every "
+                    "joint of the task",
+                    name, use));
   }
   return static_cast<std::size_t>(found - motions.begin());
 }
@@ -298,6 +300,48 @@ void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_na
   task.guess_feedback = TakenFeedback(problem, task.guess, guess, file_name);
   task.guess_file = file_name;
   task.guess_hash = ContentHash(file);
+}
+
+void TakeComplement(Task& task, const PrimitiveFile& file, const std::string& file_name) {
+  const Problem& problem = task.problem;
+  if (!problem.robust || problem.robust->feedback) {
+    throw FileError(
+        task.task_file, 0, problem.robust ? "robust.feedback" : "robust",
+        fmt::format("is {}; --complement is for a motion that is found for robots that differ, "
+                    "without a feedback: {}",
+                    problem.robust ? "here" : "missing",
+                    problem.robust ? "leave it out" : "give the task a [robust]"));
+  }
+  if (file.primitive.feedback.present()) {
+    throw FileError(file_name, 0, "feedback",
+                    "corrects the motion, and --complement plays it as it was planned; give one "
+                    "without");
+  }
+  const LaneDrive& through = problem.robust->drive;
+  if (file.drives && *file.drives != DriveGains{through.kp, through.kd}) {
+    throw FileError(file_name, 0, "drives",
+                    fmt::format("are {:.6g} N m/rad and {:.6g} N m s/rad, and the task's "
+                                "kp_nm_per_rad and kd_nm_s_per_rad in [robust] {:.6g} and {:.6g}; "
+                                "a robot that tries one after the other has the same for both",
+                                file.drives->kp_nm_per_rad, file.drives->kd_nm_s_per_rad,
+                                through.kp, through.kd));
+  }
+  Primitive<double> motion = file.primitive;
+  motion.joint_count = static_cast<int>(problem.joints.size());
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    motion.joints[j] =
+        file.primitive.joints[JointIn(file, file_name, problem, j, "a motion to complement")];
+    const double begins_rad = motion.joints[j].position.control_points().front();
+    if (std::abs(begins_rad - problem.joints[j].start_rad) > kStartJointTolerance) {
+      throw FileError(file_name, 0, "joint",
+                      fmt::format("'{}' begins at {:.6g} rad, and the task's at {:.6g}; allowed: "
+                                  "the same, as one is tried after the other",
+                                  NameOf(problem, j), begins_rad, problem.joints[j].start_rad));
+    }
+  }
+  task.complement.push_back(motion);
+  task.complement_files.push_back(file_name);
+  task.complement_hashes.push_back(ContentHash(file));
 }
 
 void CheckGuess(const Task& task) {

@@ -42,6 +42,15 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
 /// guess, those are taken. The same parameters and errors; and when there are no such gains.
 void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name);
 
+/// Lets a task be solved for robots that a motion does not carry: one that is tried before, from
+/// the same pose and through the same drives. May be called for several; a robot counts that none
+/// of them carries.
+/// @param file_name  of the primitive, for messages.
+/// @throws FileError  when the task is not solved for robots that differ, or has a feedback of its
+///                    own; when the primitive has one, lacks a joint of the task, starts elsewhere,
+///                    or was found for other drives.
+void TakeComplement(Task& task, const PrimitiveFile& file, const std::string& file_name);
+
 /// @throws FileError  where a task that says what to take of a guess has none.
 void CheckGuess(const Task& task);
 

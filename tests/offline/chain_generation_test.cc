@@ -188,9 +188,10 @@ TEST(Gait, PrimitivesWereMadeFromTheTasksAndTheRobotBesideThem) {
   const std::string folder = testing::SourcePath("");
   const std::string robot = HashOfText(ReadFile(folder + "primitives/robots/tumbler.urdf"));
   for (const std::string name :
-       {"handstand", "handstand_sensor", "handstand_sensor_mirrored", "downstand", "downstand_back",
-        "downstand_back_mirrored", "roll", "roll_sensor", "stand", "rise", "rise_from_leg1",
-        "rise_from_leg2", "nominal/handstand", "nominal/downstand", "nominal/roll"}) {
+       {"handstand", "handstand_wide", "handstand_sensor", "handstand_sensor_mirrored", "downstand",
+        "downstand_back", "downstand_back_mirrored", "roll", "roll_sensor", "stand", "rise",
+        "rise_from_leg1", "rise_from_leg2", "nominal/handstand", "nominal/downstand",
+        "nominal/roll"}) {
     const Provenance made =
         LoadPrimitive(fmt::format("{}primitives/{}.toml", folder, name)).provenance;
     EXPECT_EQ(made.task_file, fmt::format("primitives/tasks/{}.toml", name));

@@ -258,8 +258,8 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfAPrimitive) {
       .Add("robustness", ArrayOf(table("`[[robustness]]`").Done()))
       .Add("window", table("`[window]`").Done())
       .Add("provenance",
-           some_of("`[provenance]`",
-                   {"start_file", "start_hash", "guess_file", "guess_hash", "edited"}),
+           some_of("`[provenance]`", {"start_file", "start_hash", "guess_file", "guess_hash",
+                                      "complement_files", "complement_hashes", "edited"}),
            true);
   ExpectSchema("tumbler-primitive", "Tumbler: a primitive", primitive);
 }

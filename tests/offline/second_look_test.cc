@@ -197,9 +197,10 @@ TEST(SecondLook, NominalMotionsDoWhatTheirTasksAskFor) {
 
 TEST(SecondLook, ShippedMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
   for (const char* name :
-       {"handstand", "handstand_sensor", "handstand_sensor_mirrored", "downstand", "downstand_back",
-        "downstand_back_mirrored", "roll", "roll_sensor", "stand", "rise", "rise_from_leg1",
-        "rise_from_leg2", "nominal/handstand", "nominal/downstand", "nominal/roll"}) {
+       {"handstand", "handstand_wide", "handstand_sensor", "handstand_sensor_mirrored", "downstand",
+        "downstand_back", "downstand_back_mirrored", "roll", "roll_sensor", "stand", "rise",
+        "rise_from_leg1", "rise_from_leg2", "nominal/handstand", "nominal/downstand",
+        "nominal/roll"}) {
     const SecondLook look = LookAtShipped(name, 64);
     EXPECT_LT(look.peak_torque_nm, 8.0) << name;
     EXPECT_LT(look.torque_excess, 0) << name;

@@ -2,6 +2,7 @@
 
 #include "offline/rehearsal/robustness/window.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
@@ -217,9 +218,10 @@ TEST(Window, OfASequenceIsThatOfTheWholeAndIsNotWrittenIntoItsPrimitives) {
 
 TEST(Window, IsShownOfThePrimitivesOfASequence) {
   const testing::TemporaryFolder folder;
-  for (const auto& entry : std::filesystem::directory_iterator(Shipped("nominal")))
+  for (const auto& entry : std::filesystem::directory_iterator(Shipped("nominal"))) {
     std::filesystem::copy(entry.path(),
                           std::filesystem::path(folder / "") / entry.path().filename());
+  }
   PrimitiveFile handstand = LoadPrimitive(folder / "handstand.toml");
   GroundWindow& window = handstand.window.emplace();
   window.mu = window.mu_scanned = {0.2, 0.4};
@@ -231,6 +233,33 @@ TEST(Window, IsShownOfThePrimitivesOfASequence) {
   EXPECT_EQ(chain.exit_code, 0) << chain.text;
   EXPECT_THAT(chain.text,
               HasSubstr("as asked with friction: 0.2 or less to 0.4 or more; in lanes"));
+}
+
+TEST(Window, IsInEveryShippedMotionThatTouchesTheGround) {
+  for (const char* const name :
+       {"handstand", "handstand_wide", "handstand_sensor", "handstand_sensor_mirrored", "downstand",
+        "downstand_back", "downstand_back_mirrored", "roll", "roll_sensor", "stand", "rise",
+        "rise_from_leg1", "rise_from_leg2", "nominal/handstand", "nominal/downstand",
+        "nominal/roll", "hopper/hop_up"}) {
+    EXPECT_TRUE(LoadPrimitive(Shipped(std::string(name) + ".toml")).window) << name;
+  }
+}
+
+TEST(Window, OfTheHandstandForAnyGroundGoesFromIceToRubberAndFromAMatToConcrete) {
+  const GroundWindow& shipped = *LoadPrimitive(Shipped("handstand_wide.toml")).window;
+  EXPECT_LT(shipped.mu[0], 0.12);
+  EXPECT_GT(shipped.mu[1], 1.0);
+  EXPECT_LT(shipped.stiffness_n_per_m[0], 1e4);
+  EXPECT_GT(shipped.stiffness_n_per_m[1], 4e5);
+  // Found again, each on its own.
+  RobustnessStudy study;
+  study.motion = Shipped("handstand_wide.toml");
+  const std::string text = ToText(FindWindows(study, 2));
+  EXPECT_THAT(text,
+              HasSubstr(fmt::format("friction   {:.3g} to {:.3g}", shipped.mu[0], shipped.mu[1])));
+  EXPECT_THAT(text,
+              HasSubstr(fmt::format("stiffness  {:.3g} to {:.3g}", shipped.stiffness_n_per_m[0],
+                                    shipped.stiffness_n_per_m[1])));
 }
 
 TEST(Window, TakesNoOptionsThatAreAboutRobots) {

@@ -150,9 +150,10 @@ TEST(JointFields, WhatNoReplyHasToldIsNotShownAsZero) {
   EXPECT_TRUE(status["sensor"]["rate_rad_s"].is_null());
   EXPECT_NE(view.Line().find("joint 0 has not replied yet; sensor no data"), std::string::npos)
       << view.Line();
-  for (const int columns : {60, 120})
+  for (const int columns : {60, 120}) {
     EXPECT_EQ(view.Screen(columns).find("0.00"), view.Screen(columns).find("0.000 s"))
         << view.Screen(columns);
+  }
 }
 
 TEST(SensorFields, TheStatusNamesTheSensorWhereThereIsOne) {

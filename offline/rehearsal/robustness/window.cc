@@ -248,9 +248,10 @@ WindowResult FindWindows(const RobustnessStudy& study, int threads, const Window
   result.study.spreads = Spreads{};
   ModelPlayer player(result.study, threads);
   const Scene& scene = player.trials().scene();
-  if (scene.obstacles.empty())
+  if (scene.obstacles.empty()) {
     throw Refused(study.motion +
                   ": there is no ground in its task, of which it could take more or less");
+  }
   for (const GroundProperty& property : kGroundProperties) {
     if (scene.contact.*property.value > 0) continue;
     throw Refused(
