@@ -556,9 +556,10 @@ class RobustSearch {
     const std::array<double, kLanes> off = OffOf(state);
     Setpoints last;
     const auto steps = static_cast<int>(std::lround(kWatched_s / step_s));
-    for (int k = 0; k < steps; ++k)
+    for (int k = 0; k < steps; ++k) {
       last.insert(last.end(), setpoints.end() - static_cast<std::ptrdiff_t>(joints_),
                   setpoints.end());
+    }
     LaneWatch<Packet> watch;
     std::vector<Packet> torques(last.size());
     kernel_.prescribe(lanes_.model, model, step_s, last, state, watch, torques);

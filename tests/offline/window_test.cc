@@ -246,7 +246,7 @@ TEST(Window, IsInEveryShippedMotionThatTouchesTheGround) {
 }
 
 TEST(Window, OfTheHandstandForAnyGroundGoesFromIceToRubberAndFromAMatToConcrete) {
-  const GroundWindow& shipped = *LoadPrimitive(Shipped("handstand_wide.toml")).window;
+  const GroundWindow shipped = *LoadPrimitive(Shipped("handstand_wide.toml")).window;
   EXPECT_LT(shipped.mu[0], 0.12);
   EXPECT_GT(shipped.mu[1], 1.0);
   EXPECT_LT(shipped.stiffness_n_per_m[0], 1e4);
