@@ -166,8 +166,9 @@ TEST(Window, OfAModelThatIsNotAsAskedIsNoneAndNothingIsCertified) {
 TEST(Window, GoesIntoThePrimitiveAndOnItsPageAndANewerOneTakesItsPlace) {
   const testing::TemporaryFolder folder;
   const std::string motion = folder / "downstand.toml";
-  testing::WriteFile(motion, testing::ReadFile(Shipped("nominal/downstand.toml")));
-  const PrimitiveFile before = LoadPrimitive(motion);
+  PrimitiveFile before = LoadPrimitive(Shipped("nominal/downstand.toml"));
+  before.window.reset();
+  testing::WriteFile(motion, ToToml(before));
   RobustnessStudy study;
   study.motion = motion;
   for (const double hold_s : {2.0, 2.5}) {
