@@ -59,7 +59,8 @@ constexpr double kPerfect = 1e-3;
 constexpr double kCarried = 0.2;
 /// A loss with which the model does what is asked, and not only nearly.
 constexpr double kCalm = 0.08;
-/// The part of a guess's loss on robots that it does not carry with which a motion complements it.
+/// A motion of which most robots still fall is kept where its loss is at most this part of the
+/// worst.
 constexpr double kBetter = 0.95;
 /// How many robots are looked at, for each that is wanted, to find those that no motion carries.
 constexpr int kLooked = 200;
@@ -230,14 +231,17 @@ class RobustSearch {
     for (const Candidate& candidate : found) motions.push_back(candidate.x);
     const std::vector<double> losses = Evaluate(motions, Polishing(1));
     for (std::size_t i = 0; i < found.size(); ++i) found[i].loss = losses[i];
-    const double carries_none = found.front().loss;
-    std::erase_if(found, [&](const Candidate& c) { return c.loss > kBetter * carries_none; });
+    const double worst = std::ranges::max(losses);
+    std::erase_if(found, [&](const Candidate& candidate) {
+      return candidate.loss > kHopeless && candidate.loss > kBetter * worst;
+    });
     Sort(found);
     ++stage_;
     if (found.empty() && !interrupted()) {
       throw std::runtime_error(
-          "no change of the guess carries robots that the motions to complement do not carry; give "
-          "robust.generations or robust.starts more, or another guess");
+          "no motion that was tried carries more than a few of the robots that the motions to "
+          "complement do not carry; give robust.generations or robust.starts more, or another "
+          "guess");
     }
     if (!found.empty()) Tell(false, 0, found.front().loss);
     return found;

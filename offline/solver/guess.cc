@@ -326,6 +326,15 @@ void TakeComplement(Task& task, const PrimitiveFile& file, const std::string& fi
                                 file.drives->kp_nm_per_rad, file.drives->kd_nm_s_per_rad,
                                 through.kp, through.kd));
   }
+  constexpr std::size_t kPitch = 2;
+  const double pitch_rad = problem.start_q[kPitch];
+  if (std::abs(file.entry.root_pitch_rad - pitch_rad) > kStartPitchTolerance) {
+    throw FileError(
+        file_name, 0, "entry.root_pitch_rad",
+        fmt::format("is {:.6g}, and the task's pitch {:.6g} rad; allowed: the same pose "
+                    "of the root to within {:.6g}, as one is tried after the other",
+                    file.entry.root_pitch_rad, pitch_rad, kStartPitchTolerance));
+  }
   Primitive<double> motion = file.primitive;
   motion.joint_count = static_cast<int>(problem.joints.size());
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {

@@ -112,6 +112,9 @@ TEST(Complement, IsRefusedWhereOneIsNotTriedAfterTheOther) {
               HasSubstr("before.toml: drives: are 100 N m/rad and 5 N m s/rad"));
   EXPECT_THAT(Refusal(StandingTask(), LoadPrimitive(Shipped("handstand_sensor.toml"))),
               HasSubstr("before.toml: feedback: corrects the motion"));
+  PrimitiveFile turned = before;
+  turned.entry.root_pitch_rad += 3;
+  EXPECT_THAT(Refusal(StandingTask(), turned), HasSubstr("before.toml: entry.root_pitch_rad: is "));
   PrimitiveFile without = LoadPrimitive(Shipped("downstand.toml"));
   without.drives.reset();
   EXPECT_THAT(Refusal(StandingTask(), without),

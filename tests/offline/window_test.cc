@@ -246,7 +246,7 @@ TEST(Window, IsInEveryShippedMotionThatTouchesTheGround) {
   }
 }
 
-TEST(Window, OfTheHandstandForAnyGroundGoesFromIceToRubberAndFromAMatToConcrete) {
+TEST(Window, OfTheWideHandstandGoesFromSlipperyToStickyAndFromSoftToHardGround) {
   const GroundWindow shipped = *LoadPrimitive(Shipped("handstand_wide.toml")).window;
   EXPECT_LT(shipped.mu[0], 0.12);
   EXPECT_GT(shipped.mu[1], 1.0);
