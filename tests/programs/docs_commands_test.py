@@ -25,6 +25,7 @@ ELSEWHERE = {
     r"^scripts/": "builds the project",
     r"TASK\.toml|ROBOT\.urdf|MOTION|PRIMITIVE|robot_as_it_is": "has a name to be filled in",
     r"--out (primitives/|\w+_sensor)": "takes minutes: scripts/generate-primitives",
+    r"--robots 1000 --cycles": "takes minutes: a figure of the document",
     r"^cmake ": "builds the project",
     r"--realtime": "runs at the pace of the clock",
     r"^candump": "needs an interface",
