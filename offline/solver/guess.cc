@@ -326,8 +326,8 @@ void TakeComplement(Task& task, const PrimitiveFile& file, const std::string& fi
                                 file.drives->kp_nm_per_rad, file.drives->kd_nm_s_per_rad,
                                 through.kp, through.kd));
   }
-  constexpr std::size_t kPitch = 2;
-  const double pitch_rad = problem.start_q[kPitch];
+  constexpr std::size_t kPitchDof = 2;
+  const double pitch_rad = problem.start_q[kPitchDof];
   if (std::abs(file.entry.root_pitch_rad - pitch_rad) > kStartPitchTolerance) {
     throw FileError(
         file_name, 0, "entry.root_pitch_rad",
