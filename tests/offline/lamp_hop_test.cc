@@ -31,7 +31,7 @@ TEST_P(LampHop, LeavesTheGroundAndLandsAtRestFurtherOn) {
     }
     x_m = sample.q[0];
   });
-  EXPECT_GT(longest_s, 0.1) << "a free fall from 50 mm takes as long";
+  EXPECT_GT(longest_s, 0.08) << "a free fall from 30 mm takes as long";
   EXPECT_NEAR(x_m, 0.15, 0.01);
 }
 
