@@ -45,8 +45,8 @@ TEST(Complement, IsFoundOnRobotsThatTheOtherMotionDoesNotCarry) {
   const SolveOutcome outcome =
       SolveRobust(task.problem, options, task.guess, nullptr, task.complement);
   // The guess is the motion that fails on all of the robots, and most of these cost it more than 1,
-  // because they fall. Of all robots it carries four in five:
-  // for so few there may be nothing to improve.
+  // because they fall. Of all robots it carries four in five, so that there may be nothing to
+  // improve where they are few.
   EXPECT_TRUE(of_all.history.empty() || of_all.history.back().cost < 0.35);
   ASSERT_FALSE(outcome.history.empty());
   EXPECT_GT(outcome.history.back().cost, 0.5);

@@ -11,7 +11,7 @@ namespace tumbler {
 namespace {
 
 using LampHop = FoundMotion;
-INSTANTIATE_TEST_SUITE_P(Seeds, LampHop, ::testing::Values(1, 2, 3));
+INSTANTIATE_TEST_SUITE_P(Seeds, LampHop, ::testing::Values(1, 2, 5));
 
 TEST_P(LampHop, LeavesTheGroundAndLandsAtRestFurtherOn) {
   Find("lamp_hop.toml");
@@ -31,7 +31,7 @@ TEST_P(LampHop, LeavesTheGroundAndLandsAtRestFurtherOn) {
     }
     x_m = sample.q[0];
   });
-  EXPECT_GT(longest_s, 0.08) << "a free fall from 30 mm takes as long";
+  EXPECT_GT(longest_s, 0.1) << "a free fall from 50 mm takes as long";
   EXPECT_NEAR(x_m, 0.15, 0.01);
 }
 
