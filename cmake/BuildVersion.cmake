@@ -15,7 +15,7 @@ if(GIT_FOUND)
     endif()
   endif()
 endif()
-file(CONFIGURE OUTPUT ${OUT} CONTENT [[#include "common/build_version.h"
+file(CONFIGURE OUTPUT ${OUT} CONTENT [[#include "common/files/build_version.h"
 
 namespace tumbler {
 

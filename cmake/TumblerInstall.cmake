@@ -25,8 +25,8 @@ endforeach()
 # Robots and tasks, and the message types for programs that listen to the telemetry.
 install(DIRECTORY primitives DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
 install(DIRECTORY docs/schemas DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
-install(DIRECTORY firmware_interface/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
-install(DIRECTORY runtime/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs
+install(DIRECTORY firmware_interface/devices/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
+install(DIRECTORY runtime/record/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs
         FILES_MATCHING PATTERN "*.lcm")
 
 # Each program prints its manual page and its completion for bash. Instrumented programs are not installed.

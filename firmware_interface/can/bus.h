@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "common/status.h"
+#include "common/core/status.h"
 #include "firmware_interface/can/frame.h"
 
 namespace tumbler {

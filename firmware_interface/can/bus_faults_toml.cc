@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/file_keys.h"
+#include "common/files/file_keys.h"
 
 namespace tumbler {
 

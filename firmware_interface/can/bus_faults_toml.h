@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/key_table.h"
+#include "common/files/key_table.h"
 #include "firmware_interface/can/bus_faults.h"
 
 namespace tumbler {

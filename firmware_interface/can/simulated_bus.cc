@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "common/portable/functions.h"
+#include "common/core/functions.h"
 
 namespace tumbler {
 

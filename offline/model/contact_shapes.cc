@@ -7,11 +7,11 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/index.h"
-#include "common/portable/functions.h"
-#include "offline/dynamics/plane.h"
-#include "offline/dynamics/spatial.h"
+#include "common/core/functions.h"
+#include "common/core/index.h"
+#include "offline/model/plane.h"
 #include "offline/model/robot.h"
+#include "offline/model/spatial.h"
 
 namespace tumbler {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "offline/contact/contact_shape.h"
-#include "offline/dynamics/plane.h"
+#include "offline/model/contact_shape.h"
+#include "offline/model/plane.h"
 
 namespace tumbler {
 

@@ -4,8 +4,8 @@
 
 #include <stdexcept>
 
-#include "common/portable/functions.h"
-#include "common/toml_reader.h"
+#include "common/core/functions.h"
+#include "common/files/toml_reader.h"
 
 #ifdef TUMBLER_WITH_MUJOCO
 

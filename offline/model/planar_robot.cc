@@ -7,9 +7,9 @@
 #include <optional>
 #include <stdexcept>
 
-#include "common/index.h"
-#include "common/portable/functions.h"
-#include "common/toml_reader.h"
+#include "common/core/functions.h"
+#include "common/core/index.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/robot.h"
 
 namespace tumbler {

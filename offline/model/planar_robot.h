@@ -6,16 +6,16 @@
 #include <string_view>
 #include <vector>
 
-#include "offline/contact/contact_shape.h"
-#include "offline/dynamics/plane.h"
-#include "offline/dynamics/spatial.h"
-#include "offline/dynamics/tree.h"
+#include "offline/model/contact_shape.h"
 #include "offline/model/contact_shapes.h"
 #include "offline/model/joint_limits.h"
 #include "offline/model/locked_joint.h"
+#include "offline/model/plane.h"
 #include "offline/model/pose.h"
 #include "offline/model/robot_finding.h"
 #include "offline/model/root_kind.h"
+#include "offline/model/spatial.h"
+#include "offline/model/tree.h"
 
 namespace tumbler {
 

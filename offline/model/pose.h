@@ -1,6 +1,6 @@
 #pragma once
 
-#include "offline/dynamics/space_vector.h"
+#include "offline/model/space_vector.h"
 
 namespace tumbler {
 

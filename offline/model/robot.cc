@@ -14,9 +14,9 @@
 #include <mutex>
 #include <optional>
 
-#include "common/portable/functions.h"
-#include "common/toml_reader.h"
-#include "offline/linear/symmetric_eigen.h"
+#include "common/core/functions.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/symmetric_eigen.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "common/index.h"
-#include "common/primitive.h"
+#include "common/core/index.h"
+#include "common/core/primitive.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/urdf_source.h"
 

@@ -6,7 +6,7 @@
 #include <array>
 #include <string_view>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {

@@ -13,8 +13,8 @@
 #include <set>
 #include <utility>
 
-#include "common/printable.h"
-#include "common/toml_reader.h"
+#include "common/files/printable.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

@@ -6,8 +6,8 @@
 #include <array>
 #include <string_view>
 
-#include "common/file_keys.h"
-#include "offline/contact/contact_intent.h"
+#include "common/files/file_keys.h"
+#include "offline/model/contact_intent.h"
 
 namespace tumbler {
 namespace {

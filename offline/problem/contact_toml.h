@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "common/key_table.h"
-#include "common/toml_reader.h"
-#include "offline/contact/contact_law.h"
+#include "common/files/key_table.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/contact_law.h"
 
 namespace tumbler {
 

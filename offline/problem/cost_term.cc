@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/file_keys.h"
+#include "common/files/file_keys.h"
 
 namespace tumbler {
 namespace {

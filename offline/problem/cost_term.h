@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "common/key_table.h"
-#include "common/purpose.h"
-#include "common/toml_reader.h"
+#include "common/files/key_table.h"
+#include "common/files/purpose.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/planar_robot.h"
 #include "offline/problem/link_point.h"
 

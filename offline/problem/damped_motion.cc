@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/damping_bound.h"
-#include "common/index.h"
+#include "common/core/damping_bound.h"
+#include "common/core/index.h"
 #include "offline/scene/drive_damping.h"
 
 namespace tumbler {

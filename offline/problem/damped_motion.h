@@ -3,12 +3,12 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive.h"
+#include "common/core/primitive.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {
 
-/// How slow the loops of the drives may be that play a motion (common/damping_bound.h).
+/// How slow the loops of the drives may be that play a motion (common/core/damping_bound.h).
 struct DampedMotion {
   double rate_per_s = 0;  ///< The largest one of the motion's poses; 0: no damping.
   double time_s = 0;      ///< When the motion has it.

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "common/index.h"
+#include "common/core/index.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "common/index.h"
-#include "common/primitive.h"
+#include "common/core/index.h"
+#include "common/core/primitive.h"
 
 namespace tumbler {
 namespace {

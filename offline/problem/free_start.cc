@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/index.h"
+#include "common/core/index.h"
 
 namespace tumbler {
 namespace {

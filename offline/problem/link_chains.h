@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "common/primitive_toml.h"
+#include "common/files/primitive_toml.h"
 #include "offline/model/planar_robot.h"
 
 namespace tumbler {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "common/index.h"
-#include "common/portable/functions.h"
+#include "common/core/functions.h"
+#include "common/core/index.h"
 
 namespace tumbler {
 namespace {

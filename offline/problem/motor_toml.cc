@@ -7,8 +7,8 @@
 #include <cmath>
 #include <optional>
 
-#include "common/file_keys.h"
-#include "common/index.h"
+#include "common/core/index.h"
+#include "common/files/file_keys.h"
 #include "offline/problem/require_joint.h"
 
 namespace tumbler {

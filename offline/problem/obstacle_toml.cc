@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/file_keys.h"
+#include "common/files/file_keys.h"
 
 namespace tumbler {
 namespace {

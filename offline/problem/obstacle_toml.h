@@ -1,9 +1,9 @@
 #pragma once
 
-#include "common/key_table.h"
-#include "common/toml_reader.h"
-#include "offline/contact/obstacle.h"
-#include "offline/dynamics/plane.h"
+#include "common/files/key_table.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/obstacle.h"
+#include "offline/model/plane.h"
 
 namespace tumbler {
 

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "common/file_keys.h"
-#include "common/index.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "common/core/index.h"
+#include "common/files/file_keys.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "offline/problem/require_joint.h"
 
 namespace tumbler {

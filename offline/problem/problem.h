@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive.h"
-#include "common/primitive_toml.h"
+#include "common/core/primitive.h"
+#include "common/files/primitive_toml.h"
 #include "offline/problem/cost_term.h"
 #include "offline/problem/robust_settings.h"
 #include "offline/scene/scene.h"

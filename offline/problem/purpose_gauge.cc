@@ -4,8 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "common/index.h"
-#include "common/primitive_toml.h"
+#include "common/core/index.h"
+#include "common/files/primitive_toml.h"
 
 namespace tumbler {
 

@@ -4,7 +4,7 @@
 #include <span>
 #include <string>
 
-#include "common/purpose.h"
+#include "common/files/purpose.h"
 #include "offline/model/planar_robot.h"
 #include "offline/problem/link_point.h"
 

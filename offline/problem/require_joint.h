@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <string>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "offline/ensemble/lane_scene.h"
-#include "offline/ensemble/variation.h"
+#include "offline/scene/lane_scene.h"
+#include "offline/scene/variation.h"
 
 namespace tumbler {
 

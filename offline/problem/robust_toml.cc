@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/file_keys.h"
-#include "common/primitive_keys.h"
+#include "common/files/file_keys.h"
+#include "common/files/primitive_keys.h"
 #include "offline/problem/bounds_toml.h"
 
 namespace tumbler {

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/file_keys.h"
-#include "common/index.h"
+#include "common/core/index.h"
+#include "common/files/file_keys.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {

@@ -2,8 +2,8 @@
 
 #include <span>
 
-#include "common/key_table.h"
-#include "common/toml_reader.h"
+#include "common/files/key_table.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/sequence_toml.h"
+#include "common/files/sequence_toml.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

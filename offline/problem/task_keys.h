@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/file_keys.h"
+#include "common/files/file_keys.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

@@ -12,10 +12,10 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/file_keys.h"
-#include "common/portable/functions.h"
-#include "common/printable.h"
-#include "offline/contact/contact_intent.h"
+#include "common/core/functions.h"
+#include "common/files/file_keys.h"
+#include "common/files/printable.h"
+#include "offline/model/contact_intent.h"
 #include "offline/model/robot.h"
 #include "offline/problem/bounds_toml.h"
 #include "offline/problem/contact_toml.h"

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/key_table.h"
-#include "common/primitive_toml.h"
+#include "common/files/key_table.h"
+#include "common/files/primitive_toml.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "common/index.h"
-#include "offline/linear/symmetric_eigen.h"
+#include "common/core/index.h"
+#include "offline/model/symmetric_eigen.h"
 
 namespace tumbler {
 namespace {

@@ -3,14 +3,15 @@
 #include <span>
 #include <vector>
 
-#include "offline/dynamics/hybrid_dynamics.h"
-#include "offline/dynamics/plane.h"
+#include "offline/model/hybrid_dynamics.h"
+#include "offline/model/plane.h"
 #include "offline/scene/scene.h"
 
 namespace tumbler {
 
 /// The rate at which the dampings of a robot's drives act: the largest eigenvalue of A Kd
-/// (common/damping_bound.h) [1/s]. It does not depend on where the root is, nor on what it touches.
+/// (common/core/damping_bound.h) [1/s]. It does not depend on where the root is, nor on what it
+/// touches.
 class DriveDamping {
  public:
   /// @param dofs  of the driven joints.

@@ -3,8 +3,8 @@
 #include <span>
 #include <vector>
 
-#include "offline/contact/contact_forces.h"
-#include "offline/dynamics/plane.h"
+#include "offline/model/contact_forces.h"
+#include "offline/model/plane.h"
 
 namespace tumbler {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "offline/contact/contact_law.h"
+#include "offline/model/contact_law.h"
 
 namespace tumbler {
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "common/index.h"
+#include "common/core/index.h"
 
 namespace tumbler {
 namespace {

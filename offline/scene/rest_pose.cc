@@ -7,8 +7,8 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "common/index.h"
-#include "common/portable/functions.h"
+#include "common/core/functions.h"
+#include "common/core/index.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {

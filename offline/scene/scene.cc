@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "common/index.h"
+#include "common/core/index.h"
 
 namespace tumbler {
 

@@ -4,12 +4,12 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
-#include "offline/contact/contact_forces.h"
-#include "offline/contact/contact_law.h"
-#include "offline/contact/obstacle.h"
-#include "offline/dynamics/plane.h"
+#include "common/files/primitive_toml.h"
+#include "offline/model/contact_forces.h"
+#include "offline/model/contact_law.h"
+#include "offline/model/obstacle.h"
 #include "offline/model/planar_robot.h"
+#include "offline/model/plane.h"
 #include "offline/scene/motor.h"
 #include "offline/scene/self_clearance.h"
 

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "common/index.h"
-#include "offline/contact/contact_model.h"
+#include "common/core/index.h"
+#include "offline/model/contact_model.h"
 
 namespace tumbler {
 

@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
-#include "offline/contact/contact_forces.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/contact_forces.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "offline/scene/scene.h"
-#include "offline/stepper/stepper.h"
+#include "offline/scene/stepper.h"
 
 namespace tumbler {
 

@@ -7,8 +7,8 @@
 #include <limits>
 #include <utility>
 
-#include "common/index.h"
-#include "offline/contact/signed_distance.h"
+#include "common/core/index.h"
+#include "offline/model/signed_distance.h"
 
 namespace tumbler {
 namespace {

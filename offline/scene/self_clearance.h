@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "offline/dynamics/plane.h"
 #include "offline/model/planar_robot.h"
+#include "offline/model/plane.h"
 
 namespace tumbler {
 

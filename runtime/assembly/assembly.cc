@@ -5,7 +5,7 @@
 #include <span>
 #include <utility>
 
-#include "common/program.h"
+#include "common/files/program.h"
 #include "runtime/assembly/sensor_settings.h"
 
 namespace tumbler {

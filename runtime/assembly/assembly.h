@@ -3,11 +3,11 @@
 #include <memory>
 #include <span>
 
-#include "common/status.h"
-#include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/sensors/xsens_mti.h"
+#include "common/core/status.h"
+#include "firmware_interface/devices/drive_bank.h"
+#include "firmware_interface/devices/xsens_mti.h"
 #include "runtime/assembly/run_parts.h"
-#include "runtime/core/executor.h"
+#include "runtime/executor/executor.h"
 
 namespace tumbler {
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <optional>
 
-#include "common/file_keys.h"
+#include "common/files/file_keys.h"
 
 namespace tumbler {
 

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/key_table.h"
-#include "runtime/core/executor_config.h"
+#include "common/files/key_table.h"
+#include "runtime/executor/executor_config.h"
 
 namespace tumbler {
 

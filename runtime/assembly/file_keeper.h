@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 

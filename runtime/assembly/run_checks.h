@@ -3,10 +3,10 @@
 #include <functional>
 #include <string>
 
-#include "common/program.h"
-#include "common/sequence.h"
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/core/sequence.h"
+#include "common/files/program.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 
 namespace tumbler {
 

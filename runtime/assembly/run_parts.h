@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 
 namespace tumbler {
 

@@ -3,11 +3,11 @@
 #include <optional>
 #include <string>
 
-#include "common/sequence.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/core/sequence.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/assembly/run_parts.h"
-#include "runtime/core/executor_config.h"
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/run_procedure.h"
 
 namespace tumbler {
 

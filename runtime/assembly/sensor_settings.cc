@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "common/portable/functions.h"
-#include "common/program.h"
+#include "common/core/functions.h"
+#include "common/files/program.h"
 
 namespace tumbler {
 namespace {

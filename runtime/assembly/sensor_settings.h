@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/sequence_toml.h"
-#include "firmware_interface/sensors/sensor_entry.h"
-#include "runtime/core/sensor_watch.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/sensor_entry.h"
+#include "runtime/executor/sensor_watch.h"
 
 namespace tumbler {
 

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "common/program.h"
-#include "firmware_interface/drives/error_texts.h"
+#include "common/files/program.h"
+#include "firmware_interface/devices/error_texts.h"
 #include "runtime/bench/bench_tests.h"
 #include "runtime/bench/drive_scales.h"
 #include "runtime/bench/findings.h"

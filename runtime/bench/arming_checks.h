@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/bench/bench_operator.h"
 #include "runtime/bench/bench_session.h"
 #include "runtime/bench/bench_world.h"

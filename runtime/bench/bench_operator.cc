@@ -14,8 +14,8 @@
 #include <optional>
 #include <sstream>
 
-#include "common/program.h"
-#include "common/toml_reader.h"
+#include "common/files/program.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "common/command_line.h"
-#include "common/program.h"
+#include "common/files/command_line.h"
+#include "common/files/program.h"
 
 namespace tumbler {
 namespace {

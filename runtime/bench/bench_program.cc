@@ -9,17 +9,17 @@
 #include <memory>
 #include <stdexcept>
 
-#include "common/damping_bound.h"
-#include "common/program.h"
-#include "common/result_file.h"
-#include "common/say_to_operator.h"
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_dbc.h"
-#include "firmware_interface/drives/error_texts.h"
+#include "common/core/damping_bound.h"
+#include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "common/files/say_to_operator.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drives_dbc.h"
+#include "firmware_interface/devices/error_texts.h"
+#include "runtime/assembly/interrupts.h"
 #include "runtime/bench/bench_options.h"
 #include "runtime/bench/drive_reading.h"
 #include "runtime/bench/drive_scales.h"
-#include "runtime/linux/interrupts.h"
 
 namespace tumbler {
 namespace {

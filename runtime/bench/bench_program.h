@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/exit_status.h"
+#include "common/core/exit_status.h"
 
 namespace tumbler {
 

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <utility>
 
-#include "common/program.h"
-#include "firmware_interface/drives/error_texts.h"
-#include "runtime/linux/interrupts.h"
+#include "common/files/program.h"
+#include "firmware_interface/devices/error_texts.h"
+#include "runtime/assembly/interrupts.h"
 
 namespace tumbler {
 namespace {

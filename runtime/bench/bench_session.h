@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drive_bank.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "runtime/assembly/operator_mailbox.h"
 #include "runtime/bench/bench_world.h"
-#include "runtime/core/safety.h"
-#include "runtime/linux/operator_mailbox.h"
+#include "runtime/executor/safety.h"
 
 namespace tumbler {
 

@@ -9,7 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "common/program.h"
+#include "common/files/program.h"
 
 namespace tumbler {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
+#include "common/files/json.h"
 #include "runtime/bench/bench_operator.h"
 #include "runtime/bench/bench_session.h"
 

@@ -6,13 +6,13 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "common/program.h"
+#include "common/files/program.h"
 #include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/interface_lock.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/can/socketcan_bus.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "firmware_interface/drives/rotor_plant.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/rotor_plant.h"
 
 namespace tumbler {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "firmware_interface/can/bus.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "runtime/linux/clock.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "runtime/assembly/clock.h"
 
 namespace tumbler {
 

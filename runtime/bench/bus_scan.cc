@@ -11,9 +11,9 @@
 #include <numbers>
 #include <set>
 
-#include "common/program.h"
-#include "firmware_interface/drives/damiao_registers.h"
-#include "firmware_interface/drives/error_texts.h"
+#include "common/files/program.h"
+#include "firmware_interface/devices/damiao_registers.h"
+#include "firmware_interface/devices/error_texts.h"
 #include "runtime/bench/bench_session.h"
 
 namespace tumbler {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/json.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/bench/bench_world.h"
 
 namespace tumbler {

@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "common/program.h"
-#include "firmware_interface/drives/error_texts.h"
+#include "common/files/program.h"
+#include "firmware_interface/devices/error_texts.h"
 #include "runtime/bench/drive_reading.h"
 
 namespace tumbler {

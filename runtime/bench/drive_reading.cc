@@ -8,8 +8,8 @@
 #include <cmath>
 #include <functional>
 
-#include "firmware_interface/drives/damiao_registers.h"
-#include "firmware_interface/drives/wire.h"
+#include "firmware_interface/devices/damiao_registers.h"
+#include "firmware_interface/devices/wire.h"
 #include "runtime/bench/bench_session.h"
 
 namespace tumbler {

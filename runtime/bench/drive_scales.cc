@@ -9,7 +9,7 @@
 #include <numbers>
 #include <utility>
 
-#include "firmware_interface/drives/drive_models.h"
+#include "firmware_interface/devices/drive_models.h"
 
 namespace tumbler {
 namespace {

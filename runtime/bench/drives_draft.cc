@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/toml_reader.h"
-#include "common/toml_writer.h"
+#include "common/files/toml_reader.h"
+#include "common/files/toml_writer.h"
 
 namespace tumbler {
 namespace {

@@ -3,7 +3,7 @@
 #include <string>
 #include <string_view>
 
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 
 namespace tumbler {
 

@@ -7,10 +7,10 @@
 #include <string_view>
 
 #include "firmware_interface/can/frame.h"
-#include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/sensors/xsens_mti.h"
-#include "runtime/core/executor.h"
-#include "runtime/core/run_procedure.h"
+#include "firmware_interface/devices/drive_bank.h"
+#include "firmware_interface/devices/xsens_mti.h"
+#include "runtime/executor/executor.h"
+#include "runtime/executor/run_procedure.h"
 
 namespace tumbler {
 

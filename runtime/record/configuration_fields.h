@@ -2,8 +2,8 @@
 
 #include <type_traits>
 
-#include "runtime/core/executor_config.h"
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/run_procedure.h"
 
 namespace tumbler {
 

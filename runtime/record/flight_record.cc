@@ -11,7 +11,7 @@
 #include <system_error>
 #include <utility>
 
-#include "runtime/telemetry/sentences.h"
+#include "runtime/record/sentences.h"
 
 namespace tumbler {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/tick_entry.h"
+#include "runtime/executor/tick_entry.h"
 #include "runtime/record/record_blocks.h"
 #include "runtime/record/record_configuration.h"
 

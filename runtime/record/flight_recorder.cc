@@ -17,8 +17,8 @@
 #include <thread>
 #include <vector>
 
-#include "common/message_ring.h"
-#include "common/result_file.h"
+#include "common/core/message_ring.h"
+#include "common/files/result_file.h"
 
 namespace tumbler {
 namespace {

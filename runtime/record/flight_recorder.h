@@ -9,8 +9,8 @@
 #include <string>
 #include <thread>
 
-#include "runtime/core/tick.h"
-#include "runtime/core/tick_entry.h"
+#include "runtime/executor/tick.h"
+#include "runtime/executor/tick_entry.h"
 #include "runtime/record/record_blocks.h"
 
 namespace tumbler {

@@ -11,8 +11,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "common/json.h"
-#include "common/primitive_hash.h"
+#include "common/files/json.h"
+#include "common/files/primitive_hash.h"
 #include "runtime/record/configuration_fields.h"
 
 namespace tumbler {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "runtime/assembly/file_keeper.h"
-#include "runtime/core/executor_config.h"
-#include "runtime/core/run_procedure.h"
-#include "runtime/linux/machine.h"
+#include "runtime/assembly/machine.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/run_procedure.h"
 #include "runtime/record/record_blocks.h"
 
 namespace tumbler {

@@ -15,17 +15,17 @@
 #include <system_error>
 #include <vector>
 
-#include "common/primitive_hash.h"
-#include "common/primitive_toml.h"
-#include "common/result_file.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/result_file.h"
 #include "firmware_interface/can/frame_length.h"
-#include "runtime/linux/candump.h"
+#include "runtime/assembly/candump.h"
+#include "runtime/record/message_readers.h"
 #include "runtime/record/recorded_assembly.h"
-#include "runtime/telemetry/message_readers.h"
-#include "runtime/telemetry/run_description.h"
-#include "runtime/telemetry/sentences.h"
-#include "runtime/telemetry/telemetry.h"
-#include "runtime/telemetry/truth_csv.h"
+#include "runtime/record/run_description.h"
+#include "runtime/record/sentences.h"
+#include "runtime/record/telemetry.h"
+#include "runtime/record/truth_csv.h"
 
 namespace tumbler {
 

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "runtime/record/flight_record.h"
-#include "runtime/telemetry/run_description.h"
-#include "runtime/telemetry/timed_record.h"
+#include "runtime/record/run_description.h"
+#include "runtime/record/timed_record.h"
 
 namespace tumbler {
 
@@ -31,7 +31,7 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path);
 std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
                              const std::string& lcm_path);
 
-/// Writes the true states of a simulated robot as a table (runtime/telemetry/truth_csv.h): root,
+/// Writes the true states of a simulated robot as a table (runtime/record/truth_csv.h): root,
 /// and the run's joints.
 /// @returns the number of true states.
 /// @throws RecordError  when the record has none, or they are of another version; FileError when

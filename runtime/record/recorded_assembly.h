@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/record/record_configuration.h"
 

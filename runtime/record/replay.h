@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "runtime/core/tick.h"
+#include "runtime/executor/tick.h"
 #include "runtime/record/flight_record.h"
 
 namespace tumbler {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "firmware_interface/drives/logged_position.h"
+#include "firmware_interface/devices/logged_position.h"
 
 namespace tumbler {
 namespace {

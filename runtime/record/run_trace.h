@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/drives_toml.h"
-#include "runtime/linux/candump.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "runtime/assembly/candump.h"
 #include "runtime/record/flight_record.h"
 
 namespace tumbler {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/result_file.h"
+#include "common/files/result_file.h"
 #include "runtime/record/record_configuration.h"
 
 namespace tumbler {

@@ -4,16 +4,16 @@
 #include <cstdint>
 #include <limits>
 
-#include "common/primitive.h"
-#include "common/realtime.h"
+#include "common/core/primitive.h"
+#include "common/core/realtime.h"
 #include "firmware_interface/can/bus.h"
-#include "runtime/core/executor.h"
-#include "runtime/core/run_procedure.h"
-#include "runtime/linux/clock.h"
-#include "runtime/linux/histogram.h"
-#include "runtime/linux/operator_mailbox.h"
+#include "runtime/assembly/clock.h"
+#include "runtime/assembly/histogram.h"
+#include "runtime/assembly/operator_mailbox.h"
+#include "runtime/executor/executor.h"
+#include "runtime/executor/run_procedure.h"
 #include "runtime/record/flight_recorder.h"
-#include "runtime/telemetry/telemetry.h"
+#include "runtime/record/telemetry.h"
 
 namespace tumbler {
 

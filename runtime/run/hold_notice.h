@@ -5,7 +5,7 @@
 #include <string>
 #include <thread>
 
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/run_procedure.h"
 
 namespace tumbler {
 

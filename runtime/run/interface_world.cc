@@ -10,10 +10,10 @@
 
 #include "firmware_interface/can/interface_lock.h"
 #include "firmware_interface/can/socketcan_bus.h"
-#include "firmware_interface/drives/make_simulated.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "runtime/assembly/clock.h"
+#include "runtime/assembly/dry_run_bus.h"
 #include "runtime/assembly/run_checks.h"
-#include "runtime/linux/clock.h"
-#include "runtime/linux/dry_run_bus.h"
 
 namespace tumbler {
 namespace {

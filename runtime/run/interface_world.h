@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/run/world.h"
 
 namespace tumbler {

@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "common/json.h"
-#include "common/result_file.h"
-#include "common/toml_reader.h"
+#include "common/files/json.h"
+#include "common/files/result_file.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 namespace {

@@ -3,9 +3,9 @@
 #include <array>
 #include <string>
 
-#include "firmware_interface/drives/drives_toml.h"
-#include "runtime/core/executor_config.h"
-#include "runtime/core/tick.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/tick.h"
 
 namespace tumbler {
 

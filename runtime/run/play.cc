@@ -6,9 +6,9 @@
 #include <csignal>
 #include <utility>
 
-#include "firmware_interface/drives/error_texts.h"
-#include "runtime/linux/interrupts.h"
-#include "runtime/telemetry/sentences.h"
+#include "firmware_interface/devices/error_texts.h"
+#include "runtime/assembly/interrupts.h"
+#include "runtime/record/sentences.h"
 
 namespace tumbler {
 namespace {

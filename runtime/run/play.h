@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "runtime/assembly/assembly.h"
-#include "runtime/core/run_procedure.h"
-#include "runtime/linux/service_notice.h"
+#include "runtime/assembly/service_notice.h"
+#include "runtime/executor/run_procedure.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
+#include "runtime/record/telemetry.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/world.h"
-#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 

@@ -8,9 +8,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
+#include "runtime/assembly/interrupts.h"
 #include "runtime/assembly/run_parts.h"
-#include "runtime/linux/interrupts.h"
 #include "runtime/record/recorded_assembly.h"
 #include "runtime/run/run_program.h"
 

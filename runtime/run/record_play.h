@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/linux/operator_mailbox.h"
+#include "runtime/assembly/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/run_options.h"

@@ -6,8 +6,8 @@
 
 #include "runtime/assembly/run_parts.h"
 #include "runtime/assembly/run_settings.h"
-#include "runtime/core/executor_config.h"
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/run_procedure.h"
 #include "runtime/record/record_configuration.h"
 
 namespace tumbler {

@@ -10,8 +10,8 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "common/command_line.h"
-#include "common/program.h"
+#include "common/files/command_line.h"
+#include "common/files/program.h"
 
 namespace tumbler {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence.h"
-#include "runtime/linux/realtime_thread.h"
+#include "common/core/sequence.h"
+#include "runtime/assembly/realtime_thread.h"
 
 namespace tumbler {
 

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "common/exit_status.h"
-#include "common/toml_reader.h"
+#include "common/core/exit_status.h"
+#include "common/files/toml_reader.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/run_options.h"
@@ -37,7 +37,7 @@ struct RunSource {
                                                 const RunSource& source = {});
 
 /// The program tumbler-run (docs/runtime.md): reads the command line, runs, and reports the
-/// outcome. Throws as RunProgram (common/program.h) expects it.
+/// outcome. Throws as RunProgram (common/files/program.h) expects it.
 /// @param simulation  makes the bus `sim`; null where the build has none.
 ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation);
 

@@ -1,5 +1,5 @@
 #include "runtime/run/run_summary.h"
-#include "common/json.h"
+#include "common/files/json.h"
 
 #include <fmt/format.h>
 

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "common/exit_status.h"
-#include "common/purpose.h"
+#include "common/core/exit_status.h"
+#include "common/files/purpose.h"
 #include "firmware_interface/can/socketcan_bus.h"
-#include "runtime/linux/realtime_thread.h"
+#include "runtime/assembly/realtime_thread.h"
 #include "runtime/run/control_loop.h"
 
 namespace tumbler {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/run/world.h"
 
 namespace tumbler {

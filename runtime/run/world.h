@@ -1,7 +1,7 @@
 #pragma once
 
 #include "firmware_interface/can/bus.h"
-#include "runtime/linux/clock.h"
+#include "runtime/assembly/clock.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/run_summary.h"
 

@@ -22,12 +22,12 @@
 #include <string>
 #include <vector>
 
-#include "offline/certificate/certificate.h"
-#include "offline/certificate/second_look.h"
+#include "offline/certify/certificate.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rollout/forward_sensitivity.h"
-#include "offline/rollout/output_gradients.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/output_gradients.h"
+#include "offline/solve/solver.h"
 #include "tests/benchmarks/dynamics_cases.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"

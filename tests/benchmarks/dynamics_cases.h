@@ -4,8 +4,8 @@
 #include <random>
 #include <vector>
 
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/contact_model.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "tests/support/random_robot.h"
 #include "tests/support/tumbler_robot.h"
 

@@ -3,9 +3,9 @@
 #include <memory>
 #include <string_view>
 
-#include "offline/contact/contact_model.h"
+#include "offline/model/contact_model.h"
 #include "offline/problem/task_toml.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/solver.h"
 #include "tests/support/files.h"
 #include "tests/support/lamp_contact.h"
 

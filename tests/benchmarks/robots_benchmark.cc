@@ -16,12 +16,12 @@
 #include <type_traits>
 #include <vector>
 
-#include "offline/ensemble/lane_kernel.h"
-#include "offline/ensemble/lane_scene.h"
-#include "offline/ensemble/variation.h"
-#include "offline/rehearsal/robustness/lane_trials.h"
-#include "offline/rehearsal/robustness/trial.h"
-#include "offline/rehearsal/twin/simulated_robot.h"
+#include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_scene.h"
+#include "offline/scene/variation.h"
+#include "offline/studies/lane_trials.h"
+#include "offline/studies/trial.h"
+#include "offline/twin/simulated_robot.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

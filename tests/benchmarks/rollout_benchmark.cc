@@ -6,8 +6,8 @@
 
 #include <chrono>
 
-#include "offline/rollout/output_gradients.h"
-#include "offline/rollout/rollout.h"
+#include "offline/solve/output_gradients.h"
+#include "offline/solve/rollout.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {

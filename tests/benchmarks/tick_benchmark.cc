@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "firmware_interface/drives/mit.h"
-#include "runtime/core/executor.h"
+#include "firmware_interface/devices/mit.h"
+#include "runtime/executor/executor.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {

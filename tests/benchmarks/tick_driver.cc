@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/make_simulated.h"
-#include "runtime/core/executor.h"
-#include "runtime/linux/dry_run_bus.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "runtime/assembly/dry_run_bus.h"
+#include "runtime/executor/executor.h"
 #include "tests/support/files.h"
 #include "tests/support/motions.h"
 #include "tests/support/sensor_motion.h"

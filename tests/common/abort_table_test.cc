@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
-#include "common/primitive_rounding.h"
-#include "common/primitive_toml.h"
-#include "common/toml_reader.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/files.h"
 #include "tests/support/random_aborts.h"
 

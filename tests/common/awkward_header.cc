@@ -2,7 +2,7 @@
 
 #include <fstream>
 
-#include "common/motion_header.h"
+#include "common/files/motion_header.h"
 #include "tests/support/awkward_motion.h"
 
 int main(int argc, char** argv) {

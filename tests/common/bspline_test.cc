@@ -1,4 +1,4 @@
-#include "common/bspline.h"
+#include "common/core/bspline.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/command_line.h"
+#include "common/files/command_line.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "common/program.h"
+#include "common/files/program.h"
 
 namespace tumbler {
 namespace {

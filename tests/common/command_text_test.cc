@@ -1,4 +1,4 @@
-#include "common/command_text.h"
+#include "common/files/command_text.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>

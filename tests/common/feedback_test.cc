@@ -1,4 +1,4 @@
-#include "common/feedback.h"
+#include "common/core/feedback.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_rounding.h"
-#include "common/primitive_toml.h"
-#include "common/toml_reader.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/random_feedback.h"

@@ -1,6 +1,6 @@
 // The descriptions of keys: reading, writing and documenting by them.
 
-#include "common/file_keys.h"
+#include "common/files/file_keys.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>

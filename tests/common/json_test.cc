@@ -1,4 +1,4 @@
-#include "common/json.h"
+#include "common/files/json.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "common/message_ring.h"
+#include "common/core/message_ring.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/motion_header.h"
+#include "common/files/motion_header.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "awkward_motion_header.h"  // awkward_header wrote it.
-#include "common/primitive_hash.h"
+#include "common/files/primitive_hash.h"
 #include "tests/support/awkward_motion.h"
 
 namespace tumbler {

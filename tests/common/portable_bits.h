@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "common/portable/functions.h"
+#include "common/core/functions.h"
 
 namespace tumbler::portable {
 

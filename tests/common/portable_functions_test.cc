@@ -1,7 +1,7 @@
 // Elementary functions: their errors, their special values, and their bits, which are the same on
 // every machine.
 
-#include "common/portable/functions.h"
+#include "common/core/functions.h"
 
 #include <gtest/gtest.h>
 

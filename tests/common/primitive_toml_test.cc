@@ -1,4 +1,4 @@
-#include "common/primitive_toml.h"
+#include "common/files/primitive_toml.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -16,12 +16,12 @@
 #include <random>
 #include <stdexcept>
 
-#include "common/primitive_hash.h"
-#include "common/primitive_limits.h"
-#include "common/primitive_rounding.h"
-#include "common/printable.h"
-#include "common/share.h"
-#include "common/toml_reader.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_limits.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/printable.h"
+#include "common/files/share.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 

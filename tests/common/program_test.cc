@@ -1,4 +1,4 @@
-#include "common/program.h"
+#include "common/files/program.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "common/result_file.h"
+#include "common/files/result_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/inotify.h>

@@ -1,4 +1,4 @@
-#include "common/ring_buffer.h"
+#include "common/core/ring_buffer.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // The order in which a graph of primitives is played.
 
-#include "common/sequence.h"
+#include "common/core/sequence.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
 // Sequence files: what the loader reads, what every edge has to keep, and the message about each
 // wrong file.
 
-#include "common/sequence_toml.h"
-#include "common/spline_extent.h"
+#include "common/files/sequence_toml.h"
+#include "common/files/spline_extent.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-more-matchers.h>
@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
-#include "common/index.h"
-#include "common/primitive_hash.h"
-#include "common/toml_reader.h"
+#include "common/core/index.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/sequence_files.h"
 

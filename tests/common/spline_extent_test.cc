@@ -1,4 +1,4 @@
-#include "common/spline_extent.h"
+#include "common/files/spline_extent.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // The strict reader under every file format.
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>

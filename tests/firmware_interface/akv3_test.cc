@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/akv3.h"
+#include "firmware_interface/devices/akv3.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "firmware_interface/can/frame_length.h"
-#include "firmware_interface/drives/error_texts.h"
-#include "firmware_interface/drives/simulated_akv3.h"
+#include "firmware_interface/devices/error_texts.h"
+#include "firmware_interface/devices/simulated_akv3.h"
 
 namespace tumbler {
 namespace {

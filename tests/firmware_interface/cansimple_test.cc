@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/cansimple.h"
+#include "firmware_interface/devices/cansimple.h"
 
 #include <gtest/gtest.h>
 
@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "firmware_interface/drives/error_texts.h"
-#include "firmware_interface/drives/simulated_cansimple.h"
-#include "firmware_interface/drives/wire.h"
+#include "firmware_interface/devices/error_texts.h"
+#include "firmware_interface/devices/simulated_cansimple.h"
+#include "firmware_interface/devices/wire.h"
 
 namespace tumbler {
 namespace {

@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/cia402.h"
+#include "firmware_interface/devices/cia402.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <random>
 #include <vector>
 
-#include "firmware_interface/drives/simulated_cia402.h"
-#include "firmware_interface/drives/wire.h"
+#include "firmware_interface/devices/simulated_cia402.h"
+#include "firmware_interface/devices/wire.h"
 
 namespace tumbler {
 namespace {

@@ -23,9 +23,9 @@
 
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/can/socketcan_bus.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "firmware_interface/drives/rotor_plant.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/rotor_plant.h"
 #include "tests/support/files.h"
 #include "tests/support/protocol_side.h"
 

@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -9,8 +9,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/toml_reader.h"
-#include "firmware_interface/drives/drive_traffic.h"
+#include "common/files/toml_reader.h"
+#include "firmware_interface/devices/drive_traffic.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 
@@ -160,7 +160,7 @@ TEST(DrivesToml, EveryProtocolHasAPageThatSaysWhatIsTrueOfIt) {
     EXPECT_THAT(page, HasSubstr(fmt::format("| two drives at {}, worst case | {} bits a tick |",
                                             rate, drives.WorstCaseTickBits())));
     EXPECT_TRUE(std::filesystem::exists(
-        testing::SourcePath("firmware_interface/dbc/" + std::string(Protocol::kDbc))));
+        testing::SourcePath("firmware_interface/devices/dbc/" + std::string(Protocol::kDbc))));
   });
 }
 

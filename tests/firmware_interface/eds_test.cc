@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/eds.h"
+#include "firmware_interface/devices/eds.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/toml_reader.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

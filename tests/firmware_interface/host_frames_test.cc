@@ -1,7 +1,7 @@
 // What a host takes frames for, by their identifiers. The expected answers are written out by hand
 // from the sources that the protocols' pages name, for a drive with the number 5.
 
-#include "firmware_interface/drives/host_frames.h"
+#include "firmware_interface/devices/host_frames.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -15,10 +15,10 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/damiao_registers.h"
-#include "firmware_interface/drives/drive_entry.h"
-#include "firmware_interface/drives/drive_traffic.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/damiao_registers.h"
+#include "firmware_interface/devices/drive_entry.h"
+#include "firmware_interface/devices/drive_traffic.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/drives/drive_entry.h"
-#include "firmware_interface/drives/wire.h"
+#include "firmware_interface/devices/drive_bank.h"
+#include "firmware_interface/devices/drive_entry.h"
+#include "firmware_interface/devices/wire.h"
 
 namespace tumbler {
 namespace {

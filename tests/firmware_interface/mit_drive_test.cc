@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/devices/mit.h"
 
 namespace tumbler {
 namespace {

@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/simulated_mit.h"
+#include "firmware_interface/devices/simulated_mit.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/devices/mit.h"
 #include "tests/support/allocation_guard.h"
 
 namespace tumbler {

@@ -16,8 +16,8 @@
 
 #include "firmware_interface/can/can_link.h"
 #include "firmware_interface/can/socketcan_bus.h"
-#include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drive_bank.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/can_interface.h"
 #include "tests/support/files.h"

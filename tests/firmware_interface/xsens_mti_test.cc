@@ -1,4 +1,4 @@
-#include "firmware_interface/sensors/xsens_mti.h"
+#include "firmware_interface/devices/xsens_mti.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/toml_reader.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/sensors/simulated_sensor.h"
+#include "common/files/toml_reader.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/simulated_sensor.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

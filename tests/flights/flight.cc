@@ -6,10 +6,10 @@
 #include <charconv>
 #include <stdexcept>
 
-#include "common/status.h"
+#include "common/core/status.h"
 #include "firmware_interface/can/bus.h"
 #include "firmware_interface/can/bus_faults.h"
-#include "runtime/core/tick.h"
+#include "runtime/executor/tick.h"
 #include "tests/flights/flight_random.h"
 
 namespace tumbler::testing {

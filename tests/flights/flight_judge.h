@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "runtime/core/executor.h"
+#include "runtime/executor/executor.h"
 #include "tests/flights/flight_setting.h"
 #include "tests/flights/flight_wire.h"
 

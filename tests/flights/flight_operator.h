@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/run_procedure.h"
 #include "tests/flights/flight_random.h"
 #include "tests/flights/flight_setting.h"
 

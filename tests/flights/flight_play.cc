@@ -8,12 +8,12 @@
 #include <optional>
 #include <stdexcept>
 
-#include "common/feedback.h"
+#include "common/core/feedback.h"
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "firmware_interface/drives/simulated_mit.h"
-#include "firmware_interface/sensors/xsens_mti.h"
-#include "runtime/core/tick_entry.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/simulated_mit.h"
+#include "firmware_interface/devices/xsens_mti.h"
+#include "runtime/executor/tick_entry.h"
 #include "tests/flights/flight_operator.h"
 #include "tests/flights/flight_random.h"
 #include "tests/flights/flight_sensor.h"

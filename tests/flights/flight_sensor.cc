@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "firmware_interface/sensors/xsens_mti.h"
+#include "firmware_interface/devices/xsens_mti.h"
 
 namespace tumbler::testing {
 namespace {

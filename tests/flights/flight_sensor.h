@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "firmware_interface/can/simulated_bus.h"
-#include "runtime/core/tick.h"
+#include "runtime/executor/tick.h"
 #include "tests/flights/flight_setting.h"
 
 namespace tumbler::testing {

@@ -4,12 +4,12 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/sequence.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/simulated_drive.h"
-#include "runtime/core/executor_config.h"
-#include "runtime/core/run_procedure.h"
-#include "runtime/core/sensor_watch.h"
+#include "common/core/sequence.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/simulated_drive.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/run_procedure.h"
+#include "runtime/executor/sensor_watch.h"
 #include "tests/flights/flight.h"
 
 namespace tumbler::testing {

@@ -3,7 +3,7 @@
 #include <span>
 
 #include "firmware_interface/can/frame.h"
-#include "firmware_interface/drives/protocols.h"
+#include "firmware_interface/devices/protocols.h"
 
 namespace tumbler::testing {
 

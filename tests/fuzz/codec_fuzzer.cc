@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "firmware_interface/can/frame_length.h"
-#include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/drives/make_simulated.h"
+#include "firmware_interface/devices/drive_bank.h"
+#include "firmware_interface/devices/make_simulated.h"
 #include "tests/support/protocol_side.h"
 
 namespace {

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <vector>
 
-#include "runtime/telemetry/lcm_commands.h"
+#include "runtime/record/lcm_commands.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto require = [](bool holds, const char* what) {

@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/contact_shapes.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "firmware_interface/drives/drive_entry.h"
-#include "firmware_interface/drives/drive_traffic.h"
+#include "firmware_interface/devices/drive_entry.h"
+#include "firmware_interface/devices/drive_traffic.h"
 
 // The target may be in the same unity source.
 // NOLINTNEXTLINE(readability-redundant-declaration)

@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/replay.h"
 #include "tests/support/recorded_run.h"

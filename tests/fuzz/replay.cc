@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 
 // The target may be in the same unity source.
 // NOLINTNEXTLINE(readability-redundant-declaration)

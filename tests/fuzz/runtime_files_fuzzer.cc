@@ -12,14 +12,14 @@
 #include <string_view>
 #include <vector>
 
-#include "common/primitive_toml.h"
-#include "common/sequence_toml.h"
-#include "common/toml_reader.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/sequence_toml.h"
+#include "common/files/toml_reader.h"
 #include "firmware_interface/can/bus_faults_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/assembly/faults_toml.h"
 #ifdef TUMBLER_HAS_SIMULATION
-#include "offline/rehearsal/twin/twin_toml.h"
+#include "offline/twin/twin_toml.h"
 #endif
 #include "tests/support/files.h"
 

@@ -8,17 +8,17 @@
 #include <memory>
 #include <vector>
 
-#include "common/primitive_rounding.h"
-#include "common/primitive_toml.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "offline/certificate/certificate.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "offline/certify/certificate.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rehearsal/twin/twin.h"
-#include "offline/rollout/rollout.h"
-#include "runtime/core/executor.h"
-#include "runtime/linux/clock.h"
+#include "offline/solve/rollout.h"
+#include "offline/twin/twin.h"
+#include "runtime/assembly/clock.h"
+#include "runtime/executor/executor.h"
 
 namespace {
 

@@ -15,14 +15,14 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_hash.h"
-#include "common/primitive_rounding.h"
-#include "common/primitive_toml.h"
-#include "common/program.h"
-#include "offline/ensemble/normal.h"
-#include "offline/rehearsal/aborts/abort_check.h"
-#include "offline/rehearsal/aborts/abort_study.h"
+#include "common/files/json.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/program.h"
+#include "offline/scene/normal.h"
+#include "offline/studies/abort_check.h"
+#include "offline/studies/abort_study.h"
 #include "tests/support/files.h"
 #include "tests/support/frame_checker.h"
 #include "tests/support/program.h"

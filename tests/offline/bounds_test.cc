@@ -11,9 +11,9 @@
 #include <numeric>
 #include <random>
 
-#include "common/primitive_rounding.h"
-#include "common/primitive_toml.h"
-#include "offline/solver/constraints.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/primitive_toml.h"
+#include "offline/solve/constraints.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {

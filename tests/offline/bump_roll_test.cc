@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "tests/support/found_motion.h"
 
 namespace tumbler {

@@ -1,6 +1,6 @@
 // Compares the certificate in a primitive file with independent computations.
 
-#include "offline/certificate/certificate.h"
+#include "offline/certify/certificate.h"
 
 #include <gtest/gtest.h>
 
@@ -9,11 +9,11 @@
 #include <functional>
 #include <limits>
 
-#include "common/primitive_hash.h"
-#include "common/primitive_limits.h"
-#include "common/primitive_rounding.h"
-#include "common/primitive_toml.h"
-#include "common/spline_extent.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_limits.h"
+#include "common/files/primitive_rounding.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/spline_extent.h"
 #include "tests/support/motion_cost.h"
 #include "tests/support/task_files.h"
 

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_hash.h"
-#include "common/toml_reader.h"
-#include "offline/certificate/certificate.h"
-#include "offline/chain/chain.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/certificate.h"
+#include "offline/certify/chain.h"
 #include "tests/support/files.h"
 #include "tests/support/sequence_files.h"
 #include "tests/support/task_files.h"

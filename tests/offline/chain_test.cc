@@ -1,7 +1,7 @@
 // Sequences in simulation, compared with the rollouts that the primitives were made with and with
 // chains in exchanged roles; and the messages about chains that do not hold.
 
-#include "offline/chain/chain.h"
+#include "offline/certify/chain.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -10,11 +10,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/json.h"
-#include "common/primitive_hash.h"
-#include "common/toml_reader.h"
-#include "offline/certificate/certificate.h"
-#include "offline/motion_report/motion_report.h"
+#include "common/files/json.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/certificate.h"
+#include "offline/pages/motion_report.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sequence_files.h"

@@ -6,11 +6,11 @@
 #include <stdexcept>
 #include <string>
 
-#include "common/toml_reader.h"
-#include "offline/certificate/certificate.h"
-#include "offline/robust/robust_search.h"
-#include "offline/solver/guess.h"
-#include "offline/solver/solver.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/certificate.h"
+#include "offline/solve/guess.h"
+#include "offline/solve/robust_search.h"
+#include "offline/solve/solver.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 

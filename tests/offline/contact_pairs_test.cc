@@ -7,9 +7,9 @@
 #include <cmath>
 #include <map>
 
-#include "offline/contact/contact_model.h"
-#include "offline/contact/near_points.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/contact_model.h"
+#include "offline/model/hybrid_dynamics.h"
+#include "offline/model/near_points.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_shape.h"
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <tuple>
 
-#include "common/index.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "common/core/index.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "tests/support/dart_tumbler.h"
 #include "tests/support/random_robot.h"
 #include "tests/support/to_eigen.h"

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "common/damping_bound.h"
-#include "common/index.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/core/damping_bound.h"
+#include "common/core/index.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "offline/problem/damped_motion.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rehearsal/twin/damping_notes.h"
+#include "offline/twin/damping_notes.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 

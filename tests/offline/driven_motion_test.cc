@@ -1,7 +1,7 @@
 // A motion as drives play it that give way, compared with the twin, which has drives, bus and
 // rounding as well.
 
-#include "offline/certificate/driven_motion.h"
+#include "offline/certify/driven_motion.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "offline/certificate/second_look.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rehearsal/robustness/trial.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/solver.h"
+#include "offline/studies/trial.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/task_files.h"

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/contact_model.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_robot.h"
 #include "tests/support/tumbler_robot.h"

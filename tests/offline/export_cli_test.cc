@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "common/motion_header.h"
+#include "common/files/motion_header.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sequence_files.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "offline/rehearsal/flight_report/flight_report.h"
+#include "offline/pages/flight_report.h"
 #include "tests/offline/sample_runs.h"
 #include "tests/support/browser.h"
 

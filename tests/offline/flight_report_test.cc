@@ -1,7 +1,7 @@
 // The report of runs, compared with the flight records themselves, the simulated robot's own log
 // and the primitives; and the program as a user meets it.
 
-#include "offline/rehearsal/flight_report/flight_report.h"
+#include "offline/pages/flight_report.h"
 
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
@@ -19,9 +19,9 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_toml.h"
-#include "runtime/linux/operator_mailbox.h"
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
+#include "runtime/assembly/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
 #include "tests/offline/sample_runs.h"
 #include "tests/support/files.h"

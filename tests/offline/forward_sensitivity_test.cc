@@ -1,4 +1,4 @@
-#include "offline/rollout/forward_sensitivity.h"
+#include "offline/solve/forward_sensitivity.h"
 
 #include <gtest/gtest.h>
 
@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "offline/linear/least_squares.h"
+#include "offline/model/least_squares.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rollout/output_gradients.h"
+#include "offline/solve/output_gradients.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"

@@ -1,7 +1,7 @@
 // Starts from the paths of a known motion: paths over other control points, and motions that are
 // solved again after the robot, the ground or the duration has changed.
 
-#include "offline/solver/guess.h"
+#include "offline/solve/guess.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -13,12 +13,12 @@
 #include <string>
 #include <vector>
 
-#include "common/spline_extent.h"
-#include "common/toml_reader.h"
-#include "offline/certificate/second_look.h"
+#include "common/files/spline_extent.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
-#include "offline/robust/robust_search.h"
-#include "offline/solver/solve_near.h"
+#include "offline/solve/robust_search.h"
+#include "offline/solve/solve_near.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
 #include "tests/support/primitive_file.h"

@@ -11,20 +11,20 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/simulated_mit.h"
-#include "offline/ensemble/lane_scene.h"
+#include "firmware_interface/devices/simulated_mit.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rehearsal/twin/twin.h"
-#include "offline/rollout/output_gradients.h"
-#include "offline/rollout/rollout.h"
+#include "offline/scene/lane_scene.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
-#include "offline/stepper/stepper.h"
+#include "offline/scene/stepper.h"
+#include "offline/solve/output_gradients.h"
+#include "offline/solve/rollout.h"
+#include "offline/twin/twin.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
 
 #define TUMBLER_LANES_NAMESPACE lanes_test
-#include "offline/ensemble/lane_dynamics.h"
+#include "offline/scene/lane_dynamics.h"
 
 namespace tumbler {
 namespace {

@@ -1,4 +1,4 @@
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/hybrid_dynamics.h"
 
 #include <gtest/gtest.h>
 

@@ -10,15 +10,15 @@
 #include <utility>
 #include <vector>
 
-#include "common/json.h"
-#include "common/key_table.h"
-#include "common/primitive_toml.h"
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drive_models.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/protocols.h"
+#include "common/files/json.h"
+#include "common/files/key_table.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drive_models.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/protocols.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rehearsal/twin/twin_toml.h"
+#include "offline/twin/twin_toml.h"
 #include "tests/support/docs_tables.h"
 
 namespace tumbler {

@@ -12,11 +12,11 @@
 #include <stdexcept>
 #include <vector>
 
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/contact_model.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
-#include "offline/solver/minima.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/minima.h"
+#include "offline/solve/solver.h"
 #include "tests/support/files.h"
 #include "tests/support/random_robot.h"
 

@@ -12,16 +12,16 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
-#include "offline/ensemble/lane_kernel.h"
-#include "offline/ensemble/lane_scene.h"
+#include "common/files/primitive_toml.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_scene.h"
 #include "offline/scene/scene_dynamics.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
 
 #define TUMBLER_LANES_NAMESPACE lanes_test
-#include "offline/ensemble/lane_dynamics.h"
+#include "offline/scene/lane_dynamics.h"
 
 namespace tumbler {
 namespace {

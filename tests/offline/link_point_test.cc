@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "tests/support/random_robot.h"
 
 namespace tumbler {

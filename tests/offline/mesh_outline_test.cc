@@ -1,6 +1,6 @@
 // The outlines of meshes that a robot file names, for pages.
 
-#include "offline/motion_report/mesh_outline.h"
+#include "offline/pages/mesh_outline.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <numbers>
 #include <string>
 
-#include "offline/motion_report/shown_scene.h"
+#include "offline/pages/shown_scene.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

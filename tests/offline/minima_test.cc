@@ -1,6 +1,6 @@
 // Telling the different motions apart in which local solves ended.
 
-#include "offline/solver/minima.h"
+#include "offline/solve/minima.h"
 
 #include <gtest/gtest.h>
 

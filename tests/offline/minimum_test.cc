@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "offline/certificate/certificate.h"
-#include "offline/certificate/second_look.h"
+#include "offline/certify/certificate.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
-#include "offline/solver/constraints.h"
-#include "offline/solver/guess.h"
-#include "offline/solver/solve_near.h"
+#include "offline/solve/constraints.h"
+#include "offline/solve/guess.h"
+#include "offline/solve/solve_near.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

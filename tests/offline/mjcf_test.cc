@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "offline/model/robot.h"
 #include "tests/support/files.h"
 #include "tests/support/random_robot.h"

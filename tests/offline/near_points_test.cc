@@ -1,10 +1,10 @@
-#include "offline/contact/near_points.h"
+#include "offline/model/near_points.h"
 
 #include <gtest/gtest.h>
 
 #include <map>
 
-#include "offline/linear/least_squares.h"
+#include "offline/model/least_squares.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_shape.h"
 #include "tests/support/to_eigen.h"

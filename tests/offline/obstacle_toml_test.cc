@@ -6,7 +6,7 @@
 
 #include <string>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 namespace {

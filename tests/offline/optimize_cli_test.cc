@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_toml.h"
-#include "offline/optimize/progress.h"
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
+#include "offline/certify/progress.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"

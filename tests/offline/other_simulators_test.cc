@@ -17,12 +17,12 @@
 #include <string>
 #include <vector>
 
-#include "common/index.h"
-#include "common/sequence_toml.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "common/core/index.h"
+#include "common/files/sequence_toml.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "offline/problem/simulated_motion.h"
-#include "offline/simulators/mjcf.h"
-#include "offline/simulators/setpoints.h"
+#include "offline/programs/mjcf.h"
+#include "offline/programs/setpoints.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 

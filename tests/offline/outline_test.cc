@@ -1,6 +1,6 @@
 // Compares the outlines of shapes, as pages draw them, with the shapes themselves.
 
-#include "offline/contact/outline.h"
+#include "offline/model/outline.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
+#include "common/files/primitive_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"

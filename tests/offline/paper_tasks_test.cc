@@ -6,10 +6,10 @@
 #include <cmath>
 #include <set>
 
-#include "common/primitive_toml.h"
-#include "common/toml_reader.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rollout/forward_sensitivity.h"
+#include "offline/solve/forward_sensitivity.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/program.h"

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "offline/model/planar_robot.h"
-#include "offline/rehearsal/robustness/robustness_page.h"
+#include "offline/studies/robustness_page.h"
 #include "runtime/bench/step_page.h"
 #include "tests/support/browser.h"
 #include "tests/support/files.h"

@@ -1,6 +1,6 @@
 // PostureWatch tells from a robot's motion whether it rests, in which pose, and whether it fell.
 
-#include "offline/rehearsal/twin/posture.h"
+#include "offline/twin/posture.h"
 
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "offline/rehearsal/twin/simulated_robot.h"
+#include "offline/twin/simulated_robot.h"
 #include "tests/support/nominal_gait.h"
 
 namespace tumbler {

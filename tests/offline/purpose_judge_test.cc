@@ -1,6 +1,6 @@
 // PurposeJudge compares what a simulated robot does with what its motions are for.
 
-#include "offline/rehearsal/sim/purpose_judge.h"
+#include "offline/twin/purpose_judge.h"
 
 #include <gtest/gtest.h>
 

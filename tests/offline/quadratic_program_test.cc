@@ -1,6 +1,6 @@
 // The quadratic program of a step of sequential quadratic programming.
 
-#include "offline/solver/quadratic_program.h"
+#include "offline/solve/quadratic_program.h"
 
 #include <gtest/gtest.h>
 

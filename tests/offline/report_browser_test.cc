@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "offline/report/report.h"
+#include "offline/pages/report.h"
 #include "tests/offline/sample_motion.h"
 #include "tests/support/browser.h"
 

@@ -1,4 +1,4 @@
-#include "offline/report/report.h"
+#include "offline/pages/report.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-more-matchers.h>
@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
+#include "common/files/json.h"
 #include "tests/offline/sample_motion.h"
 #include "tests/support/files.h"
 

@@ -1,4 +1,4 @@
-#include "offline/rehearsal/view/request_gate.h"
+#include "offline/pages/request_gate.h"
 
 #include <gtest/gtest.h>
 

@@ -12,8 +12,8 @@
 #include <cmath>
 #include <limits>
 
-#include "common/toml_reader.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/urdf_source.h"
 #include "tests/support/random_robot.h"

@@ -1,7 +1,7 @@
 // Motions that robots survive which are not the model: the strategy that finds them, what it hands
 // over, and the task's table.
 
-#include "offline/robust/robust_search.h"
+#include "offline/solve/robust_search.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -13,11 +13,11 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/task_toml.h"
-#include "offline/robust/cma_es.h"
-#include "offline/robust/lane_feedback.h"
 #include "offline/scene/self_clearance.h"
+#include "offline/solve/cma_es.h"
+#include "offline/solve/lane_feedback.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "offline/work/processes.h"
+#include "offline/studies/processes.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 

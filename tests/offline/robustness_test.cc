@@ -1,6 +1,6 @@
 // Robots that differ from the model: what is drawn, how each is played, and what is said of them.
 
-#include "offline/rehearsal/robustness/study.h"
+#include "offline/studies/study.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -18,17 +18,17 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_toml.h"
-#include "common/program.h"
-#include "common/result_file.h"
-#include "common/toml_reader.h"
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rehearsal/robustness/certify.h"
-#include "offline/rehearsal/robustness/checkpoint.h"
-#include "offline/rehearsal/robustness/drop.h"
-#include "offline/rehearsal/robustness/lane_trials.h"
-#include "offline/rehearsal/robustness/robustness_page.h"
+#include "offline/studies/certify.h"
+#include "offline/studies/checkpoint.h"
+#include "offline/studies/drop.h"
+#include "offline/studies/lane_trials.h"
+#include "offline/studies/robustness_page.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
 #include "tests/support/program.h"

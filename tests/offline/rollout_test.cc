@@ -1,4 +1,4 @@
-#include "offline/rollout/rollout.h"
+#include "offline/solve/rollout.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "offline/rollout/output_gradients.h"
+#include "offline/solve/output_gradients.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "offline/report/report.h"
+#include "offline/pages/report.h"
 
 namespace tumbler {
 

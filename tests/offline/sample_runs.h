@@ -1,6 +1,6 @@
 #pragma once
 
-#include "offline/rehearsal/flight_report/run_data.h"
+#include "offline/pages/run_data.h"
 
 namespace tumbler {
 

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/scene/scene_dynamics.h"
 #include "tests/support/files.h"

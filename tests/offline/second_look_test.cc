@@ -1,7 +1,7 @@
 // The second look at a motion: what a finer simulation makes of it, and whether it does what its
 // task asks for.
 
-#include "offline/certificate/second_look.h"
+#include "offline/certify/second_look.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -12,12 +12,12 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
-#include "common/sequence_toml.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/sequence_toml.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rollout/rollout.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/rollout.h"
+#include "offline/solve/solver.h"
 #include "tests/support/crossing_legs.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"

@@ -16,14 +16,14 @@
 #include <utility>
 #include <vector>
 
-#include "common/index.h"
-#include "common/toml_reader.h"
-#include "offline/contact/outline.h"
-#include "offline/contact/signed_distance.h"
+#include "common/core/index.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/outline.h"
+#include "offline/model/signed_distance.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rollout/clearance_constraint.h"
-#include "offline/rollout/output_gradients.h"
-#include "offline/rollout/rollout.h"
+#include "offline/solve/clearance_constraint.h"
+#include "offline/solve/output_gradients.h"
+#include "offline/solve/rollout.h"
 #include "tests/support/crossing_legs.h"
 #include "tests/support/handstand.h"
 #include "tests/support/random_shape.h"

@@ -1,6 +1,6 @@
 // What of a robot the pages show, and as which link.
 
-#include "offline/motion_report/shown_scene.h"
+#include "offline/pages/shown_scene.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/hybrid_dynamics.h"
 
 namespace tumbler {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
+#include "common/files/primitive_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 

@@ -1,7 +1,7 @@
 // A simulated robot with its drives and every setting of a twin file, compared with mechanics and
 // heat flow.
 
-#include "offline/rehearsal/twin/simulated_robot.h"
+#include "offline/twin/simulated_robot.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/mit.h"
-#include "firmware_interface/sensors/xsens_mti.h"
+#include "firmware_interface/devices/mit.h"
+#include "firmware_interface/devices/xsens_mti.h"
 #include "tests/support/files.h"
 #include "tests/support/nominal_gait.h"
 

@@ -1,8 +1,8 @@
 // The local and the global solver: bounds hold for all t, solutions are what they claim, and
 // failures have names.
 
-#include "offline/solver/solver.h"
-#include "common/spline_extent.h"
+#include "offline/solve/solver.h"
+#include "common/files/spline_extent.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -14,10 +14,10 @@
 #include <numeric>
 #include <random>
 
-#include "offline/certificate/second_look.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
-#include "offline/solver/constraints.h"
-#include "offline/solver/random_starts.h"
+#include "offline/solve/constraints.h"
+#include "offline/solve/random_starts.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {

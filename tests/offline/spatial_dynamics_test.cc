@@ -1,13 +1,13 @@
 // Hybrid dynamics in space: properties, differences, and the plane as a special case. The
 // comparison with an independent engine is in dart_oracle_test.cc.
 
-#include "offline/dynamics/spatial.h"
+#include "offline/model/spatial.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/hybrid_dynamics.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_robot.h"
 #include "tests/support/tumbler_robot.h"

@@ -6,8 +6,8 @@
 
 #include <string>
 
-#include "common/toml_reader.h"
-#include "offline/certificate/certificate.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/certificate.h"
 #include "tests/support/files.h"
 #include "tests/support/motion_cost.h"
 #include "tests/support/program.h"

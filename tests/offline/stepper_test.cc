@@ -1,4 +1,4 @@
-#include "offline/stepper/stepper.h"
+#include "offline/scene/stepper.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <numbers>
 #include <vector>
 
-#include "offline/stepper/even_steps.h"
-#include "offline/stepper/integrator.h"
+#include "offline/scene/even_steps.h"
+#include "offline/scene/integrator.h"
 
 namespace tumbler {
 namespace {

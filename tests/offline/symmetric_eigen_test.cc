@@ -1,4 +1,4 @@
-#include "offline/linear/symmetric_eigen.h"
+#include "offline/model/symmetric_eigen.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "offline/linear/dense_eigen.h"
+#include "offline/model/dense_eigen.h"
 
 namespace tumbler {
 namespace {

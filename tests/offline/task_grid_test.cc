@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/urdf_mass.h"
 #include "offline/problem/task_toml.h"
-#include "offline/sweep/task_grid.h"
+#include "offline/studies/task_grid.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 

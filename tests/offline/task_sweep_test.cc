@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_toml.h"
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"

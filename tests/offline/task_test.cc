@@ -7,11 +7,11 @@
 
 #include <cmath>
 
-#include "common/toml_reader.h"
-#include "offline/contact/contact_intent.h"
-#include "offline/contact/contact_model.h"
-#include "offline/contact/shape.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/contact_intent.h"
+#include "offline/model/contact_model.h"
+#include "offline/model/hybrid_dynamics.h"
+#include "offline/model/shape.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/task_files.h"

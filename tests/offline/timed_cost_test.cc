@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "offline/rollout/forward_sensitivity.h"
-#include "offline/rollout/output_gradients.h"
-#include "offline/rollout/rollout.h"
+#include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/output_gradients.h"
+#include "offline/solve/rollout.h"
 #include "tests/support/gradients.h"
 #include "tests/support/handstand.h"
 

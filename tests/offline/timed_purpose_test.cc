@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
-#include "offline/certificate/second_look.h"
+#include "common/files/primitive_toml.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
-#include "offline/rollout/rollout.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/rollout.h"
+#include "offline/solve/solver.h"
 #include "tests/support/bad_inputs.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"

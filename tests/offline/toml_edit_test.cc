@@ -6,8 +6,8 @@
 #include <random>
 #include <string>
 
-#include "common/toml_reader.h"
-#include "offline/sweep/toml_edit.h"
+#include "common/files/toml_reader.h"
+#include "offline/studies/toml_edit.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

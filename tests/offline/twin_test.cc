@@ -1,6 +1,6 @@
 // The simulated robot, compared with mechanics: energy, weight, and time.
 
-#include "offline/rehearsal/twin/twin.h"
+#include "offline/twin/twin.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/simulated_mit.h"
-#include "offline/contact/contact_law.h"
+#include "firmware_interface/devices/simulated_mit.h"
+#include "offline/model/contact_law.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/nominal_gait.h"
 #include "tests/support/task_files.h"

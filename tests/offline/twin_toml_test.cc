@@ -1,6 +1,6 @@
 // Twin files: their content, and the messages about wrong ones.
 
-#include "offline/rehearsal/twin/twin_toml.h"
+#include "offline/twin/twin_toml.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <iterator>
 #include <string>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 #include "tests/support/nominal_gait.h"

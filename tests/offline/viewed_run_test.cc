@@ -1,6 +1,6 @@
 // What tumbler-view makes of telemetry.
 
-#include "offline/rehearsal/view/viewed_run.h"
+#include "offline/pages/viewed_run.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <limits>
 #include <vector>
 
-#include "common/sequence_toml.h"
-#include "offline/rehearsal/flight_report/robot_paths.h"
-#include "offline/rehearsal/view/viewed_robot.h"
+#include "common/files/sequence_toml.h"
+#include "offline/pages/robot_paths.h"
+#include "offline/pages/viewed_robot.h"
 #include "tests/support/files.h"
 #include "tests/support/telemetry_messages.h"
 

@@ -1,6 +1,6 @@
 // On which ground the model itself is as asked: the scan, and the windows of motions.
 
-#include "offline/rehearsal/robustness/window.h"
+#include "offline/studies/window.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -12,10 +12,10 @@
 #include <utility>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_toml.h"
-#include "common/program.h"
-#include "offline/rehearsal/robustness/study.h"
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/program.h"
+#include "offline/studies/study.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 

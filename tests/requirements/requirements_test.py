@@ -33,7 +33,7 @@ LISTING = {
         {"name": "GateProof.X86", "command": ["/usr/bin/python3", "/p/proof.py"]},
     ]
 }
-MUTATIONS = "# Arming.\nruntime/core/executor.cc :: if (arms()) return; => if (false) return;\n"
+MUTATIONS = "# Arming.\nruntime/executor/executor.cc :: if (arms()) return; => if (false) return;\n"
 
 
 def no_list(program, chosen):
@@ -144,18 +144,18 @@ class Requirements(unittest.TestCase):
         self.assert_only(problems, f"{r.SOURCE}:10: ARM-1: {r.MUTATIONS} breaks no such code: executor.cc: if (armed")
 
     def test_a_mutation_that_could_be_either_of_two_is_named(self):
-        two = MUTATIONS + "runtime/core/executor.cc :: if (arms(twice)) return; => return;\n"
+        two = MUTATIONS + "runtime/executor/executor.cc :: if (arms(twice)) return; => return;\n"
         problems = self.problems(mutations=two)
         self.assertEqual(len(problems), 1)
         self.assert_only(problems, f"{r.SOURCE}:10: ARM-1: 2 mutations have this code")
 
     def test_a_mutation_that_is_part_of_another_is_named_by_all_of_its_code(self):
-        two = MUTATIONS + "runtime/core/executor.cc :: if (arms => if (!arms\n"
+        two = MUTATIONS + "runtime/executor/executor.cc :: if (arms => if (!arms\n"
         both = GOOD.replace('["executor.cc: if (arms"]', '["executor.cc: if (arms", "executor.cc: if (arms())"]')
         self.assertEqual(self.problems(both, mutations=two), [])
 
     def test_a_mutation_without_a_requirement_is_named_with_its_line(self):
-        more = MUTATIONS + "runtime/core/safety.h :: limit() => plan()\n"
+        more = MUTATIONS + "runtime/executor/safety.h :: limit() => plan()\n"
         problems = self.problems(mutations=more)
         self.assert_only(problems, f"{r.MUTATIONS}:3: no requirement in {r.SOURCE} names this mutation: safety.h: limit()")
 

@@ -89,11 +89,23 @@ class Arrows(unittest.TestCase):
         for folder in read_table(self.root):
             self.assertTrue((self.root / folder).is_dir(), folder)
 
-    def test_no_room_but_the_rehearsal_sees_both_halves(self):
+    def test_there_are_at_most_twenty_rooms_each_of_which_the_page_explains(self):
+        rooms = read_table(self.root)
+        self.assertLessEqual(len(rooms), 20)
+        described = (self.root / "docs/architecture.md").read_text().split("## Dependencies")[0]
+        for room in rooms:
+            half, name = room.split("/")
+            line = re.search(rf"^      {name}/ +(\S.*)$", described.split(f"    {half}/\n")[1], re.MULTILINE)
+            self.assertTrue(line, room)
+            for header in re.findall(r"\b\w+\.h\b", line[1].split(":")[0]):
+                self.assertTrue((self.root / room / header).exists(), f"{room}/{header}")
+
+    def test_only_these_rooms_see_both_halves(self):
+        meet = {f"offline/{room}" for room in ("twin", "pages", "studies", "python", "programs")}
         for folder, sees in read_table(self.root).items():
             sides = {s.split("/")[0] for s in [folder, *sees]}
             both = "offline" in sides and sides & {"runtime", "firmware_interface"}
-            self.assertFalse(both and not is_within(folder, "offline/rehearsal"), folder)
+            self.assertFalse(both and folder not in meet, folder)
 
     def test_one_that_the_table_does_not_have_is_found(self):
         root = self.tree([("common", []), ("runtime", [])], {"runtime/a.cc": '\n#include "common/b.h"\n'})

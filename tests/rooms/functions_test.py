@@ -1,4 +1,4 @@
-"""Results do not come from functions of the C library whose bits depend on the machine (common/portable).
+"""Results do not come from functions of the C library whose bits depend on the machine (common/core).
 
 usage: functions_test.py ROOT    the project's folder
 """
@@ -21,11 +21,11 @@ OF_LIBRARY = re.compile(r"\bstd::(?:\w+_distribution|complex|polar)\b")
 
 # What only people see, or what follows from measurements on real drives.
 ALLOWED = {
-    "common/file_keys.cc": {"log10"},  # how many digits a message shows
-    "offline/rehearsal/flight_report/flight_report.cc": {"log10"},  # bins of a drawing
-    "offline/rehearsal/view/live_run.cc": {"std::uniform_int_distribution"},  # a request's number
+    "common/files/file_keys.cc": {"log10"},  # how many digits a message shows
+    "offline/pages/flight_report.cc": {"log10"},  # bins of a drawing
+    "offline/pages/live_run.cc": {"std::uniform_int_distribution"},  # a request's number
     "runtime/record/trace_drawing.cc": {"log10", "pow"},  # an axis of a drawing
-    "runtime/tumbler_ctl.cc": {"std::uniform_int_distribution"},
+    "runtime/record/tumbler_ctl.cc": {"std::uniform_int_distribution"},
     "runtime/bench": set(INEXACT),
 }
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/run_procedure.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"

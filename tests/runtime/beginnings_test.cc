@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "runtime/core/executor.h"
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/executor.h"
+#include "runtime/executor/run_procedure.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/sensor_motion.h"
 

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/json.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "tests/support/can_interface.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"

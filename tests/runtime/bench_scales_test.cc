@@ -18,11 +18,11 @@
 #include <variant>
 #include <vector>
 
-#include "common/program.h"
+#include "common/files/program.h"
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "firmware_interface/drives/rotor_plant.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/rotor_plant.h"
 #include "runtime/bench/arming_checks.h"
 #include "runtime/bench/bench_operator.h"
 #include "runtime/bench/bench_session.h"

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/toml_reader.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "offline/rehearsal/sim/simulated_world.h"
+#include "common/files/json.h"
+#include "common/files/toml_reader.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "offline/twin/simulated_world.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/assembly/run_settings.h"
 #include "runtime/run/play.h"

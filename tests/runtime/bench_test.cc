@@ -13,12 +13,13 @@
 #include <utility>
 #include <vector>
 
-#include "common/program.h"
-#include "common/toml_reader.h"
+#include "common/files/program.h"
+#include "common/files/toml_reader.h"
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "firmware_interface/drives/rotor_plant.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/rotor_plant.h"
+#include "runtime/assembly/interrupts.h"
 #include "runtime/bench/arming_checks.h"
 #include "runtime/bench/bench_operator.h"
 #include "runtime/bench/bench_session.h"
@@ -29,7 +30,6 @@
 #include "runtime/bench/drive_reading.h"
 #include "runtime/bench/drives_draft.h"
 #include "runtime/bench/step_page.h"
-#include "runtime/linux/interrupts.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"

@@ -16,12 +16,12 @@
 #include <vector>
 
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/mit.h"
-#include "firmware_interface/drives/rotor_plant.h"
-#include "firmware_interface/drives/simulated_mit.h"
-#include "runtime/linux/dry_run_bus.h"
-#include "runtime/telemetry/channels.h"
-#include "runtime/telemetry/sentences.h"
+#include "firmware_interface/devices/mit.h"
+#include "firmware_interface/devices/rotor_plant.h"
+#include "firmware_interface/devices/simulated_mit.h"
+#include "runtime/assembly/dry_run_bus.h"
+#include "runtime/record/channels.h"
+#include "runtime/record/sentences.h"
 #include "tests/support/files.h"
 #include "tests/support/loop_bench.h"
 

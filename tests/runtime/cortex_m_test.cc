@@ -25,11 +25,11 @@
 #include <tuple>
 #include <vector>
 
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "runtime/assembly/dry_run_bus.h"
 #include "runtime/embedded/playback.h"
-#include "runtime/linux/dry_run_bus.h"
 #include "runtime/record/flight_record.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/executor.h"
+#include "runtime/executor/executor.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/sequence_files.h"
 

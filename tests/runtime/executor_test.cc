@@ -1,4 +1,4 @@
-#include "runtime/core/executor.h"
+#include "runtime/executor/executor.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/devices/mit.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
 

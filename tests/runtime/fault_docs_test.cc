@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/faults.h"
+#include "runtime/executor/faults.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
@@ -71,7 +71,7 @@ std::string Answers() {
 }
 
 TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
-  const std::string source = "runtime/core/faults.h";
+  const std::string source = "runtime/executor/faults.h";
   testing::ExpectTables("docs/runtime.md", {{source, "states", States()},
                                             {source, "faults", Faults()},
                                             {source, "reactions", Reactions()},

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "firmware_interface/can/bus_schedule.h"
-#include "firmware_interface/drives/error_texts.h"
+#include "firmware_interface/devices/error_texts.h"
 #include "tests/support/fault_bench.h"
 #include "tests/support/files.h"
 #include "tests/support/motions.h"

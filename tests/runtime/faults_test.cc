@@ -1,4 +1,4 @@
-#include "runtime/core/faults.h"
+#include "runtime/executor/faults.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 

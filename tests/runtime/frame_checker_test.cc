@@ -8,7 +8,7 @@
 #include <cmath>
 #include <functional>
 
-#include "runtime/linux/dry_run_bus.h"
+#include "runtime/assembly/dry_run_bus.h"
 
 namespace tumbler::testing {
 namespace {

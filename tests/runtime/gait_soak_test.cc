@@ -13,10 +13,10 @@
 #include <random>
 #include <string>
 
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "runtime/assembly/run_settings.h"
-#include "runtime/telemetry/sentences.h"
+#include "runtime/record/sentences.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/fault_bench.h"
 #include "tests/support/files.h"

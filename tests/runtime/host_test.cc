@@ -22,12 +22,12 @@
 #include <variant>
 #include <vector>
 
+#include "runtime/assembly/doctor.h"
+#include "runtime/assembly/operator_voice.h"
+#include "runtime/assembly/realtime_thread.h"
 #include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_parts.h"
-#include "runtime/linux/doctor.h"
-#include "runtime/linux/operator_voice.h"
-#include "runtime/linux/realtime_thread.h"
-#include "runtime/linux/service_notice.h"
+#include "runtime/assembly/service_notice.h"
 #include "runtime/run/known_pose.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"

@@ -1,7 +1,7 @@
 // Compares the message of a joint, the table's columns and docs/formats.md with the description of
 // a joint's fields.
 
-#include "runtime/core/joint_fields.h"
+#include "runtime/executor/joint_fields.h"
 
 #include <gtest/gtest.h>
 
@@ -12,10 +12,10 @@
 #include <type_traits>
 #include <utility>
 
-#include "common/json.h"
-#include "runtime/telemetry/live_view.h"
-#include "runtime/telemetry/messages.h"
-#include "runtime/telemetry/state_csv.h"
+#include "common/files/json.h"
+#include "runtime/record/live_view.h"
+#include "runtime/record/messages.h"
+#include "runtime/record/state_csv.h"
 #include "tests/support/docs_tables.h"
 
 namespace tumbler {
@@ -60,9 +60,10 @@ std::string Table() {
 }
 
 TEST(JointFields, TheTablesOfTheDocumentAndTheMessageAreThoseOfTheCode) {
-  testing::ExpectText("runtime/lcm/joint_state_t.lcm", Message());
-  testing::ExpectTables("docs/formats.md", std::vector<testing::DocsTable>{
-                                               {"runtime/core/joint_fields.h", "fields", Table()}});
+  testing::ExpectText("runtime/record/lcm/joint_state_t.lcm", Message());
+  testing::ExpectTables(
+      "docs/formats.md",
+      std::vector<testing::DocsTable>{{"runtime/executor/joint_fields.h", "fields", Table()}});
 }
 
 /// A tick of one joint that has another value in every field, and its message.

@@ -15,11 +15,11 @@
 #include <utility>
 #include <vector>
 
-#include "runtime/linux/operator_mailbox.h"
-#include "runtime/telemetry/channels.h"
-#include "runtime/telemetry/lcm_commands.h"
-#include "runtime/telemetry/request_key.h"
-#include "runtime/telemetry/telemetry.h"
+#include "runtime/assembly/operator_mailbox.h"
+#include "runtime/record/channels.h"
+#include "runtime/record/lcm_commands.h"
+#include "runtime/record/request_key.h"
+#include "runtime/record/telemetry.h"
 
 namespace tumbler {
 namespace {

@@ -1,7 +1,7 @@
 // Messages of telemetry that anybody may have sent or edited.
 
-#include "runtime/telemetry/message_readers.h"
-#include "runtime/core/faults.h"
+#include "runtime/record/message_readers.h"
+#include "runtime/executor/faults.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "runtime/core/faults.h"
+#include "runtime/executor/faults.h"
 #include "tests/support/telemetry_messages.h"
 
 namespace tumbler {

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/executor_config.h"
-#include "runtime/core/faults.h"
-#include "runtime/core/numbers.h"
-#include "runtime/core/tick.h"
+#include "runtime/executor/executor_config.h"
+#include "runtime/executor/faults.h"
+#include "runtime/executor/numbers.h"
+#include "runtime/executor/tick.h"
 #include "tests/support/sensor_motion.h"
 
 namespace tumbler {

@@ -7,11 +7,11 @@
 #include <cstdlib>
 #include <random>
 
-#include "common/realtime.h"
-#include "firmware_interface/drives/mit.h"
-#include "runtime/core/executor.h"
-#include "runtime/core/run_procedure.h"
-#include "runtime/core/safety.h"
+#include "common/core/realtime.h"
+#include "firmware_interface/devices/mit.h"
+#include "runtime/executor/executor.h"
+#include "runtime/executor/run_procedure.h"
+#include "runtime/executor/safety.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "runtime/linux/realtime_thread.h"
+#include "runtime/assembly/realtime_thread.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/loop_bench.h"
 

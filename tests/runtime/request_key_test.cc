@@ -1,4 +1,4 @@
-#include "runtime/telemetry/request_key.h"
+#include "runtime/record/request_key.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

@@ -1,4 +1,4 @@
-#include "runtime/telemetry/rest_request.h"
+#include "runtime/record/rest_request.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "runtime/telemetry/heard_runs.h"
+#include "runtime/record/heard_runs.h"
 
 namespace tumbler {
 namespace {

@@ -17,8 +17,8 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_hash.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "common/files/primitive_hash.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "tests/support/can_interface.h"
 #include "tests/support/files.h"
 #include "tests/support/frame_checker.h"

@@ -1,4 +1,4 @@
-#include "runtime/core/run_procedure.h"
+#include "runtime/executor/run_procedure.h"
 
 #include <gtest/gtest.h>
 

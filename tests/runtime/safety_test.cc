@@ -1,4 +1,4 @@
-#include "runtime/core/safety.h"
+#include "runtime/executor/safety.h"
 
 #include <gtest/gtest.h>
 

@@ -14,7 +14,7 @@
 #include <random>
 #include <vector>
 
-#include "runtime/core/executor.h"
+#include "runtime/executor/executor.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
 #include "tests/support/sensor_motion.h"

@@ -1,4 +1,4 @@
-#include "runtime/core/sensor_watch.h"
+#include "runtime/executor/sensor_watch.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <numbers>
 #include <random>
 
-#include "firmware_interface/sensors/xsens_mti.h"
+#include "firmware_interface/devices/xsens_mti.h"
 #include "tests/support/sensor_motion.h"
 
 namespace tumbler {

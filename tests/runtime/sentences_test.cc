@@ -1,6 +1,6 @@
 // What people read about faults and refusals, and the numbers that messages carry for it.
 
-#include "runtime/telemetry/sentences.h"
+#include "runtime/record/sentences.h"
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -12,10 +12,10 @@
 #include <utility>
 #include <vector>
 
-#include "common/status.h"
-#include "runtime/telemetry/live_view.h"
-#include "runtime/telemetry/messages.h"
-#include "runtime/telemetry/state_csv.h"
+#include "common/core/status.h"
+#include "runtime/record/live_view.h"
+#include "runtime/record/messages.h"
+#include "runtime/record/state_csv.h"
 
 namespace tumbler {
 namespace {

@@ -1,4 +1,4 @@
-#include "runtime/core/tick_entry.h"
+#include "runtime/executor/tick_entry.h"
 
 #include <gtest/gtest.h>
 

@@ -27,8 +27,8 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
-#include "common/json.h"
-#include "runtime/telemetry/channels.h"
+#include "common/files/json.h"
+#include "runtime/record/channels.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/steady_time.h"

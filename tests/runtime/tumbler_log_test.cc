@@ -17,8 +17,8 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
-#include "runtime/telemetry/channels.h"
-#include "runtime/telemetry/telemetry.h"
+#include "runtime/record/channels.h"
+#include "runtime/record/telemetry.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 

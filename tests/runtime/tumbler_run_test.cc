@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/json.h"
+#include "common/files/json.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/program.h"

@@ -20,11 +20,11 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_toml.h"
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/drive_server.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drive_server.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "tests/support/can_interface.h"
 #include "tests/support/files.h"
 #include "tests/support/frame_checker.h"

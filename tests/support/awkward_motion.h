@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "common/sequence_toml.h"
+#include "common/files/sequence_toml.h"
 #include "tests/support/motions.h"
 #include "tests/support/random_aborts.h"
 #include "tests/support/random_feedback.h"

@@ -2,7 +2,7 @@
 
 #include <initializer_list>
 
-#include "common/status.h"
+#include "common/core/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/can/frame_length.h"
 

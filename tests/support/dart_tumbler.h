@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/planar_robot.h"
 #include "tests/support/files.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/key_table.h"
+#include "common/files/key_table.h"
 #include "tests/support/files.h"
 
 namespace tumbler::testing {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/protocols.h"
+#include "firmware_interface/devices/protocols.h"
 #include "tests/support/files.h"
 
 namespace tumbler::testing {

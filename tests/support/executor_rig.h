@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "runtime/core/executor.h"
+#include "runtime/executor/executor.h"
 #include "tests/support/scripted_drive.h"
 
 namespace tumbler::testing {

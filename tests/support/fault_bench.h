@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "firmware_interface/drives/rotor_plant.h"
-#include "runtime/core/executor.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/rotor_plant.h"
+#include "runtime/executor/executor.h"
 #include "tests/support/frame_checker.h"
 #include "tests/support/protocol_side.h"
 

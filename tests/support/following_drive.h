@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/devices/simulated_drive.h"
 
 namespace tumbler::testing {
 

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <string>
 
-#include "offline/certificate/certificate.h"
-#include "offline/certificate/second_look.h"
+#include "offline/certify/certificate.h"
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
-#include "offline/solver/solver.h"
+#include "offline/solve/solver.h"
 #include "tests/support/files.h"
 
 namespace tumbler {

@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-#include "common/primitive.h"
+#include "common/core/primitive.h"
 #include "firmware_interface/can/frame.h"
-#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/devices/drives_toml.h"
 
 namespace tumbler::testing {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "common/status.h"
+#include "common/core/status.h"
 #include "firmware_interface/can/frame.h"
 
 namespace tumbler::testing {

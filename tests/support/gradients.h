@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <vector>
 
-#include "offline/rollout/forward_sensitivity.h"
-#include "offline/rollout/output_gradients.h"
-#include "offline/rollout/rollout.h"
+#include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/output_gradients.h"
+#include "offline/solve/rollout.h"
 
 namespace tumbler::testing {
 

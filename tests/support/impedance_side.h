@@ -4,7 +4,7 @@
 #include <memory>
 #include <variant>
 
-#include "firmware_interface/drives/impedance.h"
+#include "firmware_interface/devices/impedance.h"
 #include "tests/support/codec_check.h"
 #include "tests/support/protocol_side.h"
 

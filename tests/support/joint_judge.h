@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware_interface/drives/joint_map.h"
+#include "firmware_interface/devices/joint_map.h"
 #include "tests/support/frame_checker.h"
 
 namespace tumbler::testing {

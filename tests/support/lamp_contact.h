@@ -6,10 +6,10 @@
 #include <span>
 #include <stdexcept>
 
-#include "offline/contact/contact_forces.h"
-#include "offline/contact/contact_law.h"
-#include "offline/dynamics/hybrid_dynamics.h"
-#include "offline/dynamics/plane.h"
+#include "offline/model/contact_forces.h"
+#include "offline/model/contact_law.h"
+#include "offline/model/hybrid_dynamics.h"
+#include "offline/model/plane.h"
 
 namespace tumbler {
 

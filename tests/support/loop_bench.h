@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/mit.h"
-#include "firmware_interface/drives/rotor_plant.h"
-#include "firmware_interface/drives/simulated_mit.h"
-#include "runtime/linux/clock.h"
+#include "firmware_interface/devices/mit.h"
+#include "firmware_interface/devices/rotor_plant.h"
+#include "firmware_interface/devices/simulated_mit.h"
+#include "runtime/assembly/clock.h"
 #include "runtime/run/control_loop.h"
 #include "tests/support/motions.h"
 

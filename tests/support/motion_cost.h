@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "offline/rollout/forward_sensitivity.h"
-#include "offline/rollout/output_gradients.h"
+#include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/output_gradients.h"
 
 namespace tumbler::testing {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive.h"
+#include "common/core/primitive.h"
 
 namespace tumbler::testing {
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "common/sequence_toml.h"
+#include "common/files/sequence_toml.h"
 #include "offline/problem/simulated_motion.h"
 #include "tests/support/files.h"
 

@@ -3,9 +3,9 @@
 #include <random>
 #include <vector>
 
-#include "common/primitive_hash.h"
-#include "common/primitive_limits.h"
-#include "common/primitive_toml.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_limits.h"
+#include "common/files/primitive_toml.h"
 #include "tests/support/motions.h"
 
 namespace tumbler::testing {

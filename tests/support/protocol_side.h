@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "firmware_interface/can/frame.h"
-#include "firmware_interface/drives/protocols.h"
+#include "firmware_interface/devices/protocols.h"
 #include "tests/support/frame_samples.h"
 #include "tests/support/joint_judge.h"
 

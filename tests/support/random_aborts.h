@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "common/primitive.h"
+#include "common/core/primitive.h"
 
 namespace tumbler::testing {
 

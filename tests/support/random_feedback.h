@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
+#include "common/files/primitive_toml.h"
 
 namespace tumbler::testing {
 

@@ -4,9 +4,9 @@
 #include <random>
 #include <vector>
 
-#include "offline/dynamics/plane.h"
-#include "offline/dynamics/spatial.h"
-#include "offline/dynamics/tree.h"
+#include "offline/model/plane.h"
+#include "offline/model/spatial.h"
+#include "offline/model/tree.h"
 
 namespace tumbler {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <type_traits>
 
-#include "offline/contact/shape.h"
+#include "offline/model/shape.h"
 #include "tests/support/random_robot.h"
 
 namespace tumbler {

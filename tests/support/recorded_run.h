@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_toml.h"
-#include "firmware_interface/drives/mit.h"
-#include "runtime/core/run_procedure.h"
+#include "common/files/primitive_toml.h"
+#include "firmware_interface/devices/mit.h"
+#include "runtime/executor/run_procedure.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"

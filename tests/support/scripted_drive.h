@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "firmware_interface/drives/drive.h"
+#include "firmware_interface/devices/drive.h"
 
 namespace tumbler::testing {
 

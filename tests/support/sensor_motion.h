@@ -5,8 +5,8 @@
 #include <random>
 #include <vector>
 
-#include "common/primitive_rounding.h"
-#include "firmware_interface/sensors/xsens_mti.h"
+#include "common/files/primitive_rounding.h"
+#include "firmware_interface/devices/xsens_mti.h"
 #include "tests/support/motions.h"
 #include "tests/support/random_feedback.h"
 

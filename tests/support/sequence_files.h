@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "common/primitive_hash.h"
-#include "common/primitive_limits.h"
-#include "common/sequence_toml.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_limits.h"
+#include "common/files/sequence_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 

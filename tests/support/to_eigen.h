@@ -2,10 +2,10 @@
 
 #include <Eigen/Geometry>
 
-#include "offline/contact/shape.h"
-#include "offline/dynamics/plane_vector.h"
-#include "offline/dynamics/space_vector.h"
+#include "offline/model/plane_vector.h"
 #include "offline/model/pose.h"
+#include "offline/model/shape.h"
+#include "offline/model/space_vector.h"
 
 namespace tumbler {
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/toml_reader.h"
+#include "common/files/toml_reader.h"
 #include "offline/model/planar_robot.h"
 #include "tests/support/files.h"
 

@@ -1,9 +1,9 @@
 // The last gate and its limits as functions of their own, for the compiler to make code of that can
 // be looked at.
 
-#include "runtime/core/safety.cc"
+#include "runtime/executor/safety.cc"
 
-#include "runtime/core/safety.h"
+#include "runtime/executor/safety.h"
 
 namespace tumbler {
 

@@ -73,7 +73,7 @@ def mutants(header, numbers, shared_list):
     for line in shared_list.read_text().splitlines():
         file, _, rest = line.partition(" :: ")
         before, _, after = rest.partition(" => ")
-        for name, source in (("runtime/core/safety.h", header), ("runtime/core/numbers.h", numbers)):
+        for name, source in (("runtime/executor/safety.h", header), ("runtime/executor/numbers.h", numbers)):
             if file == name:
                 at = source.index(before)
                 change(source, at, at + len(before), after)

@@ -278,7 +278,7 @@ def values_of(words):
 
 def mutant_source(header, numbers, all_mutants):
     """One source with every mutant of the gate in a namespace of its own, after the gate itself (0)."""
-    parts = ['#include "common/primitive.h"', '#include "common/realtime.h"', "#include <cstdint>"]
+    parts = ['#include "common/core/primitive.h"', '#include "common/core/realtime.h"', "#include <cstdint>"]
     strip = lambda text: re.sub(r"^#.*\n", "", text, flags=re.M)
     for i, (a, b) in enumerate([(header, numbers)] + [(m.header, m.numbers) for m in all_mutants]):
         for text in (b, a):
@@ -299,8 +299,8 @@ def mutant_source(header, numbers, all_mutants):
 
 
 def check_mutants():
-    header = (ROOT / "runtime/core/safety.h").read_text()
-    numbers = (ROOT / "runtime/core/numbers.h").read_text()
+    header = (ROOT / "runtime/executor/safety.h").read_text()
+    numbers = (ROOT / "runtime/executor/numbers.h").read_text()
     everything = mutants(header, numbers, ROOT / "tests/mutations/mutations.txt")
     redundant = read_redundant(HERE / "redundant.txt")
     seconds_before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
@@ -488,7 +488,7 @@ def callers():
             continue
         text = re.sub(r"//.*", "", path.read_text())
         for match in pattern.finditer(text):
-            if "commanded" in match.group(0) and "runtime/core" not in str(path):
+            if "commanded" in match.group(0) and "runtime/executor" not in str(path):
                 continue
             if text[:match.start()].rsplit("\n", 1)[-1].strip().startswith("#"):
                 continue

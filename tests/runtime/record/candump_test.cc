@@ -1,4 +1,4 @@
-#include "runtime/linux/candump.h"
+#include "runtime/assembly/candump.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>

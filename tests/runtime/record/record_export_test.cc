@@ -9,7 +9,7 @@
 #include <string>
 #include <tumbler/state_t.hpp>
 
-#include "runtime/linux/candump.h"
+#include "runtime/assembly/candump.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
 

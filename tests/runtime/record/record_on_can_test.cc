@@ -15,10 +15,10 @@
 #include <string>
 #include <vector>
 
-#include "common/json.h"
-#include "common/primitive_hash.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "runtime/linux/candump.h"
+#include "common/files/json.h"
+#include "common/files/primitive_hash.h"
+#include "firmware_interface/devices/drives_toml.h"
+#include "runtime/assembly/candump.h"
 #include "tests/support/can_interface.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"

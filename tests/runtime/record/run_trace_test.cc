@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "firmware_interface/drives/logged_position.h"
+#include "firmware_interface/devices/logged_position.h"
 #include "runtime/record/record_export.h"
 #include "runtime/record/trace_drawing.h"
 #include "runtime/record/tracking.h"

@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/akv3.h"
+#include "firmware_interface/devices/akv3.h"
 
 #include <cmath>
 

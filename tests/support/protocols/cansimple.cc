@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/cansimple.h"
+#include "firmware_interface/devices/cansimple.h"
 
 #include <fmt/format.h>
 

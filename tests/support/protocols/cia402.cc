@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/cia402.h"
+#include "firmware_interface/devices/cia402.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/devices/mit.h"
 
 #include "tests/support/impedance_side.h"
 

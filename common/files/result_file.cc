@@ -1,0 +1,295 @@
+#include "common/files/result_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <fstream>
+#include <system_error>
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kWouldReplace =
+    "is not a regular file, and it would be replaced by one; leave the option out to write none";
+
+std::string SystemMessage(int error) { return std::generic_category().message(error); }
+
+[[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
+  throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
+}
+
+/// The name without symbolic links, of a file that need not be there yet.
+std::filesystem::path Canonical(const std::string& path) {
+  std::error_code error;
+  std::filesystem::path canonical = std::filesystem::weakly_canonical(path, error);
+  if (error) FailWrite(path, error.message());
+  return canonical;
+}
+
+/// Beside the file, and of this process alone, so that two programs can write to one folder.
+std::string TemporaryName(const std::filesystem::path& path) {
+  return fmt::format("{}.{}.tmp", path.string(), getpid());
+}
+
+}  // namespace
+
+bool IsDevice(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  return std::filesystem::exists(status) && !std::filesystem::is_regular_file(status) &&
+         !std::filesystem::is_directory(status);
+}
+
+namespace {
+
+/// The folder itself, or the nearest one above it that is there.
+std::filesystem::path NearestThere(std::filesystem::path folder) {
+  std::error_code error;
+  while (!std::filesystem::exists(folder, error) && folder != folder.root_path())
+    folder = folder.parent_path();
+  return folder;
+}
+
+constexpr mode_t kAllMayReadAndWrite = 0666;  // less what the user's mask takes away
+
+/// Opens a file without a name in the folder, which is gone when it is closed or its program ends.
+/// @returns its descriptor, or -1 with `errno` set; EOPNOTSUPP where the file system has none.
+int OpenNameless(const std::filesystem::path& folder) {
+  return open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+}
+
+/// Makes a file to find out whether the folder can be written: permissions tell nothing about a
+/// file system that is mounted read-only, or to the super-user. A program that is ended meanwhile
+/// leaves nothing behind where files may have no name.
+void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
+  int probe = OpenNameless(folder);
+  if (probe < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
+    const std::filesystem::path named = folder / fmt::format(".tumbler.{}.tmp", getpid());
+    probe = open(named.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+    if (probe >= 0) unlink(named.c_str());
+  }
+  const int why = errno;
+  if (probe < 0) FailWrite(path, fmt::format("{}: {}", folder.string(), SystemMessage(why)));
+  close(probe);
+}
+
+/// Checks that a file can be written in the folder, or in the nearest one above it that is there.
+/// @param path  the name for the message.
+void CheckFolderWritable(const std::filesystem::path& folder, const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path existing = NearestThere(folder);
+  if (!std::filesystem::is_directory(existing, error))
+    FailWrite(path, fmt::format("{} is not a folder", existing.string()));
+  ProbeFolder(existing, path);
+}
+
+}  // namespace
+
+PendingFile::PendingFile(const std::string& path, const std::string& text)
+    : path_(Canonical(path)), temporary_(TemporaryName(path_)) {
+  if (IsDevice(path)) throw FileError(path, 0, "", kWouldReplace);
+  MakeFolders();
+  errno = 0;
+  std::ofstream stream(temporary_, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (stream) return;
+  const std::string why = SystemMessage(errno);
+  Discard();
+  FailWrite(path, why);
+}
+
+void PendingFile::MakeFolders() {
+  std::error_code error;
+  std::filesystem::path folder = path_.parent_path();
+  for (; !std::filesystem::exists(folder, error) && folder != folder.root_path();
+       folder = folder.parent_path()) {
+    made_.push_back(folder);
+  }
+  MakeFolderOf(path_.string());
+}
+
+void PendingFile::Commit() {
+  std::error_code error;
+  std::filesystem::rename(temporary_, path_, error);
+  if (error) FailWrite(path_.string(), error.message());
+  made_.clear();
+}
+
+void PendingFile::Discard() {
+  std::error_code error;
+  std::filesystem::remove(temporary_, error);
+  // Only folders without a file go.
+  for (const std::filesystem::path& folder : made_) std::filesystem::remove(folder, error);
+}
+
+PendingName::PendingName(const std::string& path) : to_open_(path) {
+  if (IsDevice(path)) return;
+  CheckWritable(path);
+  path_ = std::filesystem::absolute(Canonical(path));
+  MakeFolderOf(path_.string());
+  to_open_ = TemporaryName(path_);
+  pending_ = true;
+}
+
+PendingName::~PendingName() {
+  std::error_code error;
+  if (pending_) std::filesystem::remove(to_open_, error);
+}
+
+void PendingName::Commit() {
+  if (!pending_) return;
+  std::error_code error;
+  std::filesystem::rename(to_open_, path_, error);
+  if (error) FailWrite(path_.string(), error.message());
+  pending_ = false;
+}
+
+PendingStream::PendingStream(const std::string& path) {
+  CheckWritable(path);
+  path_ = std::filesystem::absolute(std::filesystem::weakly_canonical(path));
+  temporary_ = TemporaryName(path_);
+  MakeFolderOf(path_.string());
+  file_ = OpenNameless(path_.parent_path());
+  if (file_ >= 0) return;
+  file_ = open(temporary_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+  if (file_ < 0) FailWrite(path, SystemMessage(errno));
+  named_ = true;
+}
+
+PendingStream::~PendingStream() {
+  if (file_ >= 0) close(file_);
+  std::error_code error;
+  if (named_) std::filesystem::remove(temporary_, error);
+}
+
+void PendingStream::Write(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = write(file_, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) FailWrite(path_.string(), SystemMessage(errno));
+    bytes.remove_prefix(static_cast<std::size_t>(count));
+  }
+}
+
+void PendingStream::Commit() {
+  if (!named_) {
+    const std::string nameless = fmt::format("/proc/self/fd/{}", file_);
+    unlink(temporary_.c_str());  // one of a program that was ended here, by the same number
+    if (linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) != 0)
+      FailWrite(path_.string(), SystemMessage(errno));
+    named_ = true;
+  }
+  const int closed = close(file_);
+  file_ = -1;
+  if (closed != 0) FailWrite(path_.string(), SystemMessage(errno));
+  std::error_code error;
+  std::filesystem::rename(temporary_, path_, error);
+  if (error) FailWrite(path_.string(), error.message());
+  named_ = false;
+}
+
+void WriteResult(const std::string& path, const std::string& text) {
+  const bool standard = path == "-";
+  if (!standard && !IsDevice(path)) {
+    PendingFile(path, text).Commit();
+    return;
+  }
+  std::FILE* const file = standard ? stdout : std::fopen(path.c_str(), "w");
+  if (file == nullptr) FailWrite(path, SystemMessage(errno));
+  errno = 0;
+  bool whole = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  whole = std::fflush(file) == 0 && whole;
+  const int why = errno;
+  if (!standard) std::fclose(file);
+  if (!whole) FailWrite(standard ? "standard output" : path, SystemMessage(why));
+}
+
+void MakeFolderOf(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path folder = std::filesystem::absolute(Canonical(path)).parent_path();
+  std::filesystem::create_directories(folder, error);
+  if (error) FailWrite(path, fmt::format("{}: {}", folder.string(), error.message()));
+}
+
+void CheckWritable(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path target = Canonical(path);
+  if (std::filesystem::is_directory(target, error))
+    throw FileError(path, 0, "", "is a directory, not a file");
+  const bool exists = std::filesystem::exists(target, error);
+  if (exists && !std::filesystem::is_regular_file(target, error)) {
+    throw FileError(path, 0, "", kWouldReplace);
+  }
+  if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, SystemMessage(errno));
+  CheckFolderWritable(std::filesystem::absolute(target).parent_path(), path);
+}
+
+void CheckFolderWritable(const std::string& path) {
+  CheckFolderWritable(std::filesystem::absolute(path), path);
+}
+
+WriterLock::WriterLock(const std::string& path) {
+  if (IsDevice(path)) return;
+  MakeFolderOf(path);
+  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (file_ < 0) FailWrite(path, SystemMessage(errno));
+  if (flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;  // or has no locks
+  close(file_);
+  throw FileError(path, 0, "",
+                  "is being written by another program; wait for its end, or give this one a file "
+                  "of its own");
+}
+
+WriterLock::~WriterLock() {
+  if (file_ >= 0) close(file_);
+}
+
+void CheckResult(const std::string& path) {
+  if (!path.empty() && path != "-" && !IsDevice(path)) CheckWritable(path);
+}
+
+namespace {
+
+/// Whether two names are of the same file, or would be when it is made. A name is looked up from
+/// the working folder, since one of a file that is not there is else taken as it is written.
+bool SameFile(const std::string& a, const std::string& b) {
+  std::error_code error;
+  if (IsDevice(a)) return false;
+  const auto place = [](const std::string& name) {
+    std::error_code ignored;
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(name, ignored), ignored);
+  };
+  return place(a) == place(b) || std::filesystem::equivalent(a, b, error);
+}
+
+}  // namespace
+
+void CheckDistinct(const std::vector<std::string>& inputs,
+                   const std::vector<std::string>& outputs) {
+  const auto is_file = [](const std::string& name) { return !name.empty() && name != "-"; };
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (!is_file(outputs[i])) continue;
+    for (const std::string& input : inputs) {
+      if (is_file(input) && SameFile(outputs[i], input))
+        throw FileError(outputs[i], 0, "", "is an input; results need a file of their own");
+    }
+    for (std::size_t k = 0; k < i; ++k) {
+      if (is_file(outputs[k]) && SameFile(outputs[i], outputs[k]))
+        throw FileError(outputs[i], 0, "", "is named for two results; each needs its own file");
+    }
+  }
+}
+
+FileReader NotingReader(std::vector<std::string>& inputs) {
+  return [&inputs](const std::string& path) {
+    inputs.push_back(path);
+    return ReadTextFile(path);
+  };
+}
+
+}  // namespace tumbler

@@ -1,0 +1,127 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/files/toml_reader.h"
+
+namespace tumbler {
+
+/// A file that appears under its name only when it is whole, and only by Commit. So a reader never
+/// sees a part of it, and a failure before leaves nothing behind: folders, which are made where
+/// there are none, are removed again.
+class PendingFile {
+ public:
+  /// An existing file is replaced where it is, also behind a symbolic link.
+  /// @throws FileError  when it cannot be written, or is a device, whose place no file may take.
+  PendingFile(const std::string& path, const std::string& text);
+  ~PendingFile() { Discard(); }
+  PendingFile(const PendingFile&) = delete;
+  PendingFile& operator=(const PendingFile&) = delete;
+
+  /// Puts the file in place. @throws FileError  when that fails.
+  void Commit();
+
+ private:
+  void MakeFolders();
+  void Discard();
+
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+  std::vector<std::filesystem::path>
+      made_;  // those above the file that were not there, inmost first
+};
+
+/// The same for a file that something else writes, which opens it by a name. A program that is
+/// ended before Commit leaves at most a file of another name. A device is opened by its own name,
+/// and takes what is written as it comes.
+class PendingName {
+ public:
+  /// @throws FileError  when no such file can be written.
+  explicit PendingName(const std::string& path);
+  ~PendingName();
+  PendingName(const PendingName&) = delete;
+  PendingName& operator=(const PendingName&) = delete;
+
+  /// The name to open.
+  [[nodiscard]] const std::string& to_open() const { return to_open_; }
+  /// Puts the file in place, once it is closed or flushed. @throws FileError  when that fails.
+  void Commit();
+
+ private:
+  std::filesystem::path path_;
+  std::string to_open_;
+  bool pending_ = false;  ///< Whether a file of the other name may be there.
+};
+
+/// The same for a file that is too long to be kept in memory: written bit by bit, it appears by
+/// Commit. Where the file system has files without a name (all usual ones do), a program that is
+/// ended before leaves nothing behind.
+class PendingStream {
+ public:
+  /// @throws FileError  when it cannot be written, or its name is that of something other than a
+  /// regular file.
+  explicit PendingStream(const std::string& path);
+  ~PendingStream();
+  PendingStream(const PendingStream&) = delete;
+  PendingStream& operator=(const PendingStream&) = delete;
+
+  /// Appends bytes. @throws FileError  when that fails, e.g. since the disk is full.
+  void Write(std::string_view bytes);
+  /// Puts the file in place. @throws FileError  when that fails.
+  void Commit();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+  int file_ = -1;
+  bool named_ = false;  ///< Whether the temporary name is there.
+};
+
+/// Holds a file for one writer that writes it bit by bit under its own name: another program that
+/// would do so at the same time is refused, before it has cut the file off.
+class WriterLock {
+ public:
+  /// Makes the file and its folders, where they are not there; what is in it stays. Devices are not
+  /// held.
+  /// @throws FileError  when another program writes the file, or it cannot be written.
+  explicit WriterLock(const std::string& path);
+  ~WriterLock();
+  WriterLock(const WriterLock&) = delete;
+  WriterLock& operator=(const WriterLock&) = delete;
+
+ private:
+  int file_ = -1;
+};
+
+/// Writes a result of a program: to standard output for `-`, to a device as it comes, else as a
+/// PendingFile. @throws FileError  when it cannot be written whole.
+void WriteResult(const std::string& path, const std::string& text);
+
+/// Whether a name is that of a device, a pipe or a socket, which is there and takes text as it
+/// comes: nothing may be put in its place.
+bool IsDevice(const std::string& path);
+
+/// Makes the folder of a file that is about to be written, and those above it, where they are not
+/// there. @throws FileError  when that fails.
+void MakeFolderOf(const std::string& path);
+
+/// These check before the work whether its result can be written: a file, or files in a folder. No
+/// folder is made yet. @throws FileError  when they cannot be written.
+void CheckWritable(const std::string& path);
+void CheckFolderWritable(const std::string& path);
+/// The same of what WriteResult will write. Empty: nothing.
+void CheckResult(const std::string& path);
+
+/// Checks that no result would replace one of the inputs, or another result, by whatever names they
+/// go. To be called before anything is changed. An empty name and `-`, which is standard output,
+/// are no files; devices can be named more than once.
+/// @throws FileError  about the first that would.
+void CheckDistinct(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
+
+/// A reader for loaders that appends the name of each file to `inputs`, which has to outlive it.
+FileReader NotingReader(std::vector<std::string>& inputs);
+
+}  // namespace tumbler

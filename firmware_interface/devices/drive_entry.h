@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+
+#include "firmware_interface/devices/protocols.h"
+
+namespace tumbler {
+
+/// One drive of a drives file, with the joint that it moves.
+struct DriveEntry {
+  std::string joint;  ///< The joint's name in the robot's URDF.
+  DriveConfig config;
+  /// Gains of the running drive, at the joint. Where the protocol does not carry gains, these are
+  /// the ones to which the drive was tuned: the simulated drive uses them, and kp > 0 asks for
+  /// position control.
+  float kp_nm_per_rad = 0;
+  float kd_nm_s_per_rad = 0;
+  float temperature_max_c = 80;  ///< A hotter drive is a fault.
+  double watchdog_s = 0.025;     ///< Setting of the drive's time-out; 0: it has none.
+  /// Rate of the drive's own loop, in which it computes its torque from its gains; 0: not known.
+  /// Whether its damping is stable depends on it (common/core/damping_bound.h).
+  double loop_hz = 0;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <memory>
+
+#include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/simulated_drive.h"
+
+namespace tumbler {
+
+/// A simulated drive as its protocol makes it. The type has a name of its own, so that a protocol
+/// can be described where there is no heap.
+struct OwnedDrive {
+  std::unique_ptr<SimulatedDrive> drive;
+};
+
+/// Converts a gain of a drives file from the joint to the drive's shaft.
+[[nodiscard]] inline double GainAtShaft(const JointMap& joint, float gain) {
+  return static_cast<double>(joint.ToDriveGain(gain));
+}
+
+/// The simulated drive that an entry of a drives file describes: its protocol, identifiers, joint,
+/// watchdog, and gains where they are the drive's own.
+/// @param motor  the motor, with its values at the shaft.
+/// @throws std::invalid_argument  naming the value that is not allowed.
+std::unique_ptr<SimulatedDrive> MakeSimulatedDrive(const DriveEntry& entry,
+                                                   const SimulatedMotorConfig& motor = {});
+
+}  // namespace tumbler

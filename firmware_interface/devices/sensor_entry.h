@@ -1,0 +1,27 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "firmware_interface/devices/xsens_mti.h"
+
+namespace tumbler {
+
+/// The inertial sensor of a drives file.
+struct SensorEntry {
+  std::string link;  ///< The link that carries it, as in the robot's URDF.
+  XsensMtiConfig xsens;
+  double rate_hz = 1000;    ///< Of attitudes and rates.
+  double time_rate_hz = 0;  ///< Of sample times; 0: the sensor sends none.
+  /// Roll, pitch and yaw of the sensor's frame in the link's, as in a URDF.
+  std::array<double, 3> mount_rpy_rad{};
+  double age_max_s = 0.005;      ///< An older report is stale.
+  double frozen_after_s = 0.02;  ///< The same numbers for longer are implausible; 0: never.
+  double tilt_max_rad = 0.3;     ///< Out of the plane in which the robot moves.
+  double rate_max_rad_s = 35;
+  double jump_max_rad = 0.06;  ///< By which attitude and sum of rates may part.
+  double late_max_s = 0.01;    ///< By which a report may be later than the promptest.
+};
+
+}  // namespace tumbler

@@ -1,0 +1,411 @@
+#include "offline/certify/certificate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <random>
+#include <span>
+#include <stdexcept>
+#include <utility>
+
+#include "common/core/index.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_limits.h"
+#include "common/files/printable.h"
+#include "offline/model/least_squares.h"
+#include "offline/problem/feed_forward_knots.h"
+#include "offline/problem/link_chains.h"
+#include "offline/problem/take_free.h"
+#include "offline/solve/forward_sensitivity.h"
+
+namespace tumbler {
+namespace {
+
+using Spline = JointMotion<double>::Spline;
+
+/// Contact that is lost for less than this [s] counts as one contact: a foot chatters as it lands.
+constexpr double kContactGap = 0.01;
+/// A tolerance below this is lost in rounding.
+constexpr double kFinestTolerance = 1e-12;
+
+/// The root's velocity along x, z and of its pitch; zero where something holds it.
+std::array<double, 3> RootRatesOf(std::span<const double> qd, const PlanarRobot& robot) {
+  if (robot.root_dofs < 3) return {};
+  return {qd[0], qd[1], qd[2]};
+}
+
+/// Sets the velocity of the root.
+void SetRates(const std::array<double, 3>& rates, PrimitivePose& pose) {
+  pose.root_x_m_s = rates[0];
+  pose.root_z_m_s = rates[1];
+  pose.root_pitch_rad_s = rates[2];
+}
+
+/// A rollout like those that the solver ended with.
+Rollout OnGrid(const Problem& problem, const StepGrid& grid) {
+  Rollout rollout(problem, problem.solver.step_s);
+  rollout.Use(grid);
+  return rollout;
+}
+
+double FinalPitch(const Problem& problem, const std::vector<double>& x, const StepGrid& grid) {
+  double pitch = 0;
+  Rollout rollout = OnGrid(problem, grid);
+  rollout.Visit(x, 0, [&](const MotionSample& sample) {
+    pitch = RootPitchAt(sample.q, problem.scene.robot);
+  });
+  return pitch;
+}
+
+/// At the optimum itself the gradient is zero, and a relative error says nothing.
+std::vector<double> BesideTheOptimum(std::vector<double> x) {
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+  return x;
+}
+
+std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x) {
+  std::vector<double> gradient(Index(rollout.output_count()) * x.size());
+  rollout.Run(x, gradient);
+  gradient.resize(x.size());  // The first row is the cost's.
+  return gradient;
+}
+
+/// A relative error as a number that a file can hold: infinity becomes 1e9.
+double Finite(double error) { return std::min(error, 1e9); }
+
+/// The directions along which a gradient of n components is compared: each component alone where
+/// there are few, else a few with all components in them, each forwards or backwards at random. A
+/// component that is wrong alone is as wrong along each of those.
+std::vector<std::vector<double>> DifferenceDirections(std::size_t n) {
+  constexpr std::size_t kFew = 4;
+  std::vector<std::vector<double>> directions(std::min(n, kFew), std::vector<double>(n));
+  std::mt19937 random(1);  // Its numbers are the same everywhere.
+  for (std::size_t k = 0; k < directions.size(); ++k) {
+    for (std::size_t i = 0; i < n; ++i)
+      directions[k][i] = n <= kFew ? (i == k ? 1 : 0) : (random() % 2 == 0 ? 1 : -1);
+  }
+  return directions;
+}
+
+}  // namespace
+
+JointMotion<double>::Spline FeedForward(const Problem& problem, const TorqueSamples& samples,
+                                        std::size_t joint) {
+  constexpr int kTorqueDegree = kFeedForwardDegree;
+  const std::vector<double> knots = FeedForwardKnots(problem.duration_s);
+  const int n = static_cast<int>(knots.size()) - kTorqueDegree - 1;
+  Spline spline;
+  std::vector<double> points(static_cast<std::size_t>(n));
+  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+    throw std::logic_error("a torque spline could not be set up");
+  }
+  const auto rows = static_cast<Eigen::Index>(samples.time_s.size());
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, n);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Spline::Weights weights =
+        spline.EvaluateWeights(samples.time_s[static_cast<std::size_t>(i)]);
+    for (int k = 0; k <= kTorqueDegree; ++k)
+      A(i, weights.first + k) = weights.w[0][static_cast<std::size_t>(k)];
+  }
+  const Eigen::Map<const Eigen::VectorXd> b(samples.torque_nm[joint].data(), rows);
+  const Eigen::VectorXd fit = SolveLeastSquares(A, b);
+  const double limit = problem.joints[joint].limits.torque_max_nm;
+  for (int i = 0; i < n; ++i)
+    points[static_cast<std::size_t>(i)] = std::clamp(fit[i], -limit, limit);
+  if (problem.held_torque == HeldTorque::kRest)
+    points.back() = std::clamp(samples.rest_nm[joint], -limit, limit);
+  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+    throw std::runtime_error("the plan's torques cannot be fitted: a value is not finite");
+  }
+  return spline;
+}
+
+double ExitAfter(const Problem& problem) {
+  if (problem.ends_moving()) return 0;
+  return problem.scene.robot.hinged() ? problem.settle_s : kExitAfter_s;
+}
+
+double SettlingAfter(const Problem& problem) {
+  return std::max(0.0, ExitAfter(problem) - problem.settle_s);
+}
+
+GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
+                              const std::vector<double>& at, const std::vector<double>& gradient) {
+  double largest = 0;
+  for (const double component : gradient) largest = std::max(largest, std::abs(component));
+  const std::vector<std::vector<double>> directions = DifferenceDirections(at.size());
+  GradientCheck check;
+  for (std::size_t s = 0; s < check.errors.size(); ++s) {
+    double worst = 0, scale = largest;
+    for (const std::vector<double>& direction : directions) {
+      double slope = 0, moved = 0;
+      for (std::size_t i = 0; i < at.size(); ++i) {
+        slope += direction[i] * gradient[i];
+        moved += std::abs(direction[i]);
+      }
+      // The whole displacement has the length of the step.
+      const double step = GradientCheck::kSteps[s] / std::sqrt(moved);
+      const auto cost_at = [&](double distance) {
+        std::vector<double> x = at;
+        for (std::size_t i = 0; i < at.size(); ++i) {
+          if (direction[i] != 0) x[i] += distance * direction[i];
+        }
+        return cost(x);
+      };
+      const double difference = (cost_at(step) - cost_at(-step)) / (2 * step);
+      scale = std::max(scale, std::abs(difference) / moved);
+      const double wrong = std::abs(difference - slope);
+      // std::max would pass over one that is not a number.
+      worst =
+          std::isfinite(wrong) ? std::max(worst, wrong) : std::numeric_limits<double>::infinity();
+    }
+    // The gradient of a cost that does not depend on the motion is zero, and cannot be wrong.
+    check.errors[s] = scale > 0 ? worst / scale : worst;
+  }
+  return check;
+}
+
+GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
+  const std::vector<double> at = BesideTheOptimum(x);
+  Rollout rollout = OnGrid(problem, StepsFor(problem, at));
+  return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
+                         at, CostGradient(rollout, at));
+}
+
+double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x) {
+  const std::vector<double> at = BesideTheOptimum(x);
+  const StepGrid grid = StepsFor(problem, at);
+  Rollout rollout = OnGrid(problem, grid);
+  Rollout finer = OnGrid(problem, Halved(grid));
+  const std::vector<double> gradient = CostGradient(rollout, at);
+  const std::vector<double> reference = CostGradient(finer, at);
+  double change = 0, scale = 0;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    change = std::max(change, std::abs(gradient[i] - reference[i]));
+    scale = std::max(scale, std::abs(reference[i]));
+  }
+  return scale > 0 ? change / scale : change;
+}
+
+std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x) {
+  if (problem.robust) return std::nullopt;
+  StepSettings settings = AdaptiveSteps(problem);
+  settings.tolerance = std::max(settings.tolerance / 100, kFinestTolerance);
+  ForwardSensitivity rollout(problem, settings);
+  OutputGradients outputs(rollout.output_count(), rollout.parameter_count());
+  GaussNewton model;
+  const RolloutResult result = rollout.Run(x, outputs, &model);
+  if (!result.finite) return std::nullopt;
+  return FindKktResidual(problem, DerivativeLimitRows(problem), x, result, outputs, &model);
+}
+
+MotionSummarizer::MotionSummarizer(const Problem& problem, double refinement)
+    : problem_(problem), every_(static_cast<int>(refinement)) {
+  summary_.torque_margin_nm = std::numeric_limits<double>::infinity();
+  summary_.torques.torque_nm.resize(problem.joints.size());
+}
+
+void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
+  const PlanarRobot& robot = problem_.scene.robot;
+  const double t = sample.time_s;
+  if (count_ == 0) {
+    summary_.entry = PoseAt(sample.q, robot);
+    SetRates(problem_.start_root_rates, summary_.entry);
+  }
+  summary_.exit = PoseAt(sample.q, robot);
+  const std::array<double, 3> rates = RootRatesOf(sample.qd, robot);
+  if (problem_.ends_moving() ||
+      std::ranges::any_of(rates, [](double v) { return std::abs(v) > CostTerm::kRateTolerance; }))
+    SetRates(rates, summary_.exit);
+  if (t <= problem_.duration_s + 1e-9) {
+    summary_.final_pitch_rad = RootPitchAt(sample.q, robot);
+    if (count_ % every_ == 0) TakeTorques(sample);
+  }
+  ++count_;
+  if (t <= problem_.duration_s + ExitAfter(problem_) + 1e-9) {
+    summary_.settled_pitch_rad = RootPitchAt(sample.q, robot);
+    summary_.settled_speed = 0;
+    for (int i = 0; i < robot.root_dofs; ++i)
+      summary_.settled_speed = std::max(summary_.settled_speed, std::abs(sample.qd[Index(i)]));
+  }
+  const bool solved = t <= problem_.duration_s + problem_.settle_s + 1e-9;
+  if (solved) summary_.torques.rest_nm.assign(sample.torque.begin(), sample.torque.end());
+  const SelfContact& own = problem_.scene.self_contact;
+  if (solved && std::isfinite(own_distance_m)) {
+    summary_.self_clearance_m =
+        std::min(summary_.self_clearance_m.value_or(own_distance_m), own_distance_m);
+    if (own_distance_m < own.clearance_m - kClearanceTolerance_m) {
+      summary_.excess =
+          std::max(summary_.excess, (own.clearance_m - own_distance_m) / kClearanceScale_m);
+    }
+  }
+  for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+    const ActuatedJoint& joint = problem_.joints[j];
+    const double torque = std::abs(sample.torque[j]);
+    const double limit = joint.limits.torque_max_nm;
+    const double lack = joint.motor.LackAt(sample.torque[j], sample.qd[Index(joint.dof)]);
+    summary_.peak_torque_nm = std::max(summary_.peak_torque_nm, torque);
+    summary_.torque_margin_nm = std::min(summary_.torque_margin_nm, limit * (1 - lack) - torque);
+    if (solved) summary_.excess = std::max(summary_.excess, torque / limit + lack - 1);
+  }
+  TakeContacts(sample, solved);
+}
+
+void MotionSummarizer::TakeTorques(const MotionSample& sample) {
+  summary_.torques.time_s.push_back(std::min(sample.time_s, problem_.duration_s));
+  for (std::size_t j = 0; j < problem_.joints.size(); ++j)
+    summary_.torques.torque_nm[j].push_back(sample.torque[j]);
+}
+
+void MotionSummarizer::TakeContacts(const MotionSample& sample, bool solved) {
+  const double t = sample.time_s;
+  for (const ActiveContact<Plane>& contact : sample.contacts) {
+    summary_.peak_penetration_m = std::max(summary_.peak_penetration_m, contact.depth_m);
+    if (solved) {
+      summary_.excess =
+          std::max(summary_.excess, contact.depth_m / problem_.scene.contact.d_on_m - 1);
+    }
+    if (t > problem_.duration_s + problem_.settle_s) continue;
+    auto& list = intervals_[{contact.shape, contact.obstacle, contact.other_shape}];
+    if (list.empty() || t - list.back().end_s > kContactGap) {
+      list.push_back({problem_.scene.robot.shapes[Index(contact.shape)].name,
+                      TouchedName(problem_.scene, contact), t, t, 0});
+    }
+    list.back().end_s = t;
+    list.back().peak_normal_force_n =
+        std::max(list.back().peak_normal_force_n, contact.normal_force_n);
+  }
+}
+
+MotionSummary MotionSummarizer::Finish() {
+  // The splines start and end exactly where the task says; a sum over basis functions rounds.
+  for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+    summary_.entry.joint_positions_rad[j] = problem_.joints[j].start_rad;
+    summary_.exit.joint_positions_rad[j] = problem_.joints[j].end_rad;
+  }
+  summary_.core_reached = summary_.peak_penetration_m >= problem_.scene.contact.d_on_m;
+  for (auto& entry : intervals_) {
+    summary_.contacts.insert(summary_.contacts.end(), entry.second.begin(), entry.second.end());
+  }
+  std::stable_sort(summary_.contacts.begin(), summary_.contacts.end(),
+                   [](const auto& a, const auto& b) { return a.start_s < b.start_s; });
+  return std::move(summary_);
+}
+
+MotionSummary Summarize(Problem problem, std::vector<double> x) {
+  TakeFree(problem, x);
+  MotionSummarizer summarizer(problem, kRefinement);
+  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.All());
+  const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
+  double least_m = std::numeric_limits<double>::infinity();
+  Rollout rollout(problem, problem.solver.step_s / kRefinement);
+  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
+    if (sample.time_s <= settled_s)
+      least_m = std::min(least_m, distances.Nearest(sample.q, least_m).distance_m);
+    summarizer.Take(sample, least_m);
+  });
+  return summarizer.Finish();
+}
+
+namespace {
+
+/// By how much the worst of all limits is exceeded, relative to the limit (positions in rad); 0
+/// when none is. It is computed from the primitive's splines and their simulation alone,
+/// independently of the solver.
+double LargestExcess(const Primitive<double>& primitive, const MotionSummary& summary) {
+  double excess = std::max(0.0, summary.excess);
+  for (const JointMotion<double>& motion : primitive.motions()) {
+    const auto bounds = BoundsOf(motion, motion.limits);
+    const auto beyond = [](const Bound& bound) {
+      return std::max(bound.path.max - bound.max, bound.min - bound.path.min);
+    };
+    excess = std::max({excess, beyond(bounds[0]), beyond(bounds[1]) / bounds[1].max,
+                       beyond(bounds[2]) / bounds[2].max});
+  }
+  return excess;
+}
+
+}  // namespace
+
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution) {
+  return MakePrimitiveFile(task, outcome, solution, Summarize(task.problem, solution.x));
+}
+
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution, const MotionSummary& summary) {
+  const Problem& problem = task.problem;
+  PrimitiveFile file;
+  Primitive<double>& primitive = file.primitive;
+  primitive.name = FixedString<48>(problem.name);
+  primitive.duration_s = problem.duration_s;
+  primitive.settle_s = problem.settle_s;
+  primitive.entry_tolerance_rad = problem.entry_tolerance_rad;
+  primitive.following_tolerance_rad = problem.following_tolerance_rad;
+  primitive.joint_count = static_cast<int>(problem.joints.size());
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    JointMotion<double>& motion = primitive.joints[j];
+    const ActuatedJoint& joint = problem.joints[j];
+    motion.name =
+        FixedString<32>(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+    motion.limits = joint.limits;
+    motion.position = PositionSpline(problem, solution.x, j);
+    motion.torque = FeedForward(problem, summary.torques, j);
+  }
+  primitive.feedback = solution.feedback;
+  if (primitive.feedback.present()) file.chains = LinkChainsOf(problem.scene.robot);
+  file.entry = summary.entry;
+  file.exit = summary.exit;
+  file.contacts = summary.contacts;
+
+  Certificate& certificate = file.certificate;
+  const GradientCheck check = CheckGradient(problem, solution.x);
+  certificate.gradient_error = Finite(check.relative_error());
+  certificate.gradient_difference_steps_rad = GradientCheck::kSteps;
+  std::transform(check.errors.begin(), check.errors.end(), certificate.gradient_errors.begin(),
+                 Finite);
+  certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, solution.x));
+  certificate.projected_gradient = solution.kkt.absolute;
+  if (const auto kkt = FinerKktResidual(problem, solution.x))
+    certificate.kkt_residual = kkt->relative;
+  certificate.constraint_violation = LargestExcess(primitive, summary);
+  const StepGrid grid = StepsFor(problem, solution.x);
+  certificate.step_halving_error_rad = std::abs(FinalPitch(problem, solution.x, grid) -
+                                                FinalPitch(problem, solution.x, Halved(grid)));
+  if (problem.target_pitch_rad)
+    certificate.settled_pitch_error_rad = summary.settled_pitch_rad - *problem.target_pitch_rad;
+  certificate.peak_torque_nm = summary.peak_torque_nm;
+  certificate.peak_penetration_m = summary.peak_penetration_m;
+  certificate.self_clearance_m = summary.self_clearance_m;
+  const LimitMargins margins = MarginsOf(primitive);
+  certificate.position_margin_rad = margins.position_rad;
+  certificate.velocity_margin_rad_s = margins.velocity_rad_s;
+  certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  certificate.torque_margin_nm = summary.torque_margin_nm;
+
+  if (problem.robust || problem.drives) file.drives = problem.drive_gains();
+  Provenance& provenance = file.provenance;
+  provenance.tool = fmt::format("tumbler-optimize {}", TUMBLER_VERSION);
+  provenance.seed = problem.search.seed;
+  provenance.objective = solution.rollout.cost;
+  provenance.evaluations = outcome.evaluations;
+  provenance.robot_file = PrintableInLine(task.robot_file);
+  provenance.task_file = PrintableInLine(task.task_file);
+  provenance.robot_urdf = task.robot_text;
+  provenance.task_toml = task.task_text;
+  provenance.robot_hash = HashOfText(task.robot_text);
+  provenance.task_hash = HashOfText(task.task_text);
+  provenance.start_file = task.start_file;
+  provenance.start_hash = task.start_hash;
+  provenance.guess_file = PrintableInLine(task.guess_file);
+  provenance.guess_hash = task.guess_hash;
+  for (const std::string& other : task.complement_files)
+    provenance.complement_files.push_back(PrintableInLine(other));
+  provenance.complement_hashes = task.complement_hashes;
+  return file;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,152 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "common/files/primitive_toml.h"
+#include "offline/problem/task_toml.h"
+#include "offline/scene/motion_sample.h"
+#include "offline/solve/constraints.h"
+#include "offline/solve/solver.h"
+
+namespace tumbler {
+
+/// How far an analytic gradient is from differences of the same computation.
+struct GradientCheck {
+  /// Steps of the central differences [rad]: curvature spoils large ones, rounding small ones.
+  static constexpr std::array<double, 3> kSteps = {1e-5, 1e-6, 1e-7};
+  /// For each step: the largest difference along any direction, divided by the largest component of
+  /// the gradient (of either, where they are compared component by component). Infinite where a
+  /// difference is not finite.
+  std::array<double, 3> errors{};
+
+  /// The best agreement.
+  [[nodiscard]] double relative_error() const {
+    return *std::min_element(errors.begin(), errors.end());
+  }
+};
+
+/// A larger gradient error than this is worth a warning. Where the cost is smooth, the differences
+/// agree to 1e-6 and better. An error of a thousandth says that the cost does not follow its own
+/// slope over 1e-5 rad, because a cliff is near, such as a contact that is made or missed by a
+/// hair; and SLSQP's line search relies on that slope.
+inline constexpr double kDoubtfulGradient = 1e-3;
+
+/// Compares a gradient with central differences of three steps: along each component where there
+/// are up to four, else along four directions in which every component goes forwards or backwards
+/// by the step.
+GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
+                              const std::vector<double>& at, const std::vector<double>& gradient);
+
+/// Compares the gradient of a problem's cost near `x`: each parameter is moved by 0.001 rad, with
+/// alternating sign. At the optimum itself the gradient is zero, and a relative error would say
+/// nothing.
+GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
+
+/// Relative change of the cost's gradient, at the point of CheckGradient, when the integration step
+/// is halved. It measures the error of the step, as GradientCheck does that of the differentiation.
+double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x);
+
+/// Shapes that are nearer than the clearance by less than this are not: so much is rounding.
+inline constexpr double kClearanceTolerance_m = 1e-6;
+
+/// How long after a motion's end its exit is taken [s]: kExitAfter_s; on a bar, where nothing comes
+/// to rest by itself, when the settle phase ends; and at once when joints move at the end.
+double ExitAfter(const Problem& problem);
+
+/// How long a motion is played on past its settle phase [s], until its exit.
+double SettlingAfter(const Problem& problem);
+
+/// How much finer certificate and second look integrate than `solver.step_s` says: by the classical
+/// Runge-Kutta method with equal steps, where the solver takes another method and adaptive steps.
+inline constexpr double kRefinement = 16;
+
+/// The torques of a motion, at the solver's steps.
+struct TorqueSamples {
+  std::vector<double> time_s;
+  std::vector<std::vector<double>> torque_nm;  ///< By joint.
+  std::vector<double> rest_nm;                 ///< Of each joint, at the end of the settle phase.
+};
+
+/// A primitive's feed-forward for a joint: the least-squares spline through the plan's torques,
+/// with its control points within the limit. The last of them, which is held after the motion, is
+/// the torque at rest where the problem says so: feet that still slide as a motion ends make the
+/// fit's a wrong one, by which legs would press against the ground until the next motion.
+JointMotion<double>::Spline FeedForward(const Problem& problem, const TorqueSamples& samples,
+                                        std::size_t joint);
+
+/// Figures of a motion that is played on past its end, with the joints held.
+struct MotionSummary {
+  PrimitivePose entry;
+  /// The pose ExitAfter the end.
+  PrimitivePose exit;
+  /// The root's pitch at the end of the motion.
+  double final_pitch_rad = 0;
+  /// The root's pitch 2 s after the end.
+  double settled_pitch_rad = 0;
+  /// The largest of the root's velocities 2 s after the end [m/s, rad/s].
+  double settled_speed = 0;
+  /// The largest |torque| of any joint's motor at any integration step.
+  double peak_torque_nm = 0;
+  /// The smallest limit at its speed less |torque| of any joint's motor at any integration step.
+  double torque_margin_nm = 0;
+  /// The smallest distance between the robot's own shapes that are to stay apart, in the motion and
+  /// its settle phase; none without such shapes.
+  std::optional<double> self_clearance_m;
+  /// The largest of |torque| / limit and penetration / thickness of the compliant layer, less 1, in
+  /// the motion and its settle phase, and of what lacks to the clearance of the robot's own shapes,
+  /// in units of kClearanceScale_m. The solver has to keep it at 0 or below.
+  double excess = -1;
+  double peak_penetration_m = 0;
+  std::vector<ContactInterval> contacts;
+  /// Whether a contact went through the whole compliant layer.
+  bool core_reached = false;
+  /// The plan's torques, from which the feed-forward is fitted.
+  TorqueSamples torques;
+};
+
+/// How far a motion is from a minimum, by sensitivities whose steps bound the error 100 times finer
+/// than the solver's do. None for a motion that leaves every plausible range, and for one that was
+/// found by robots that differ, whose cost is another.
+std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x);
+
+/// Makes a MotionSummary of a motion's samples.
+class MotionSummarizer {
+ public:
+  /// @param problem     must outlive this object.
+  /// @param refinement  how many samples there are in a step of the solver.
+  MotionSummarizer(const Problem& problem, double refinement);
+  /// Takes the samples in their order, from the start of the motion to SettlingAfter its end.
+  /// @param own_distance_m  of the robot's own shapes that are to stay apart: the least so far, to
+  ///                        the end of the settle phase.
+  void Take(const MotionSample& sample, double own_distance_m);
+  MotionSummary Finish();
+
+ private:
+  void TakeTorques(const MotionSample& sample);
+  void TakeContacts(const MotionSample& sample, bool solved);
+
+  const Problem& problem_;
+  int every_;
+  int count_ = 0;
+  MotionSummary summary_;
+  // By shape, and obstacle or other shape.
+  std::map<std::array<int, 3>, std::vector<ContactInterval>> intervals_;
+};
+
+/// @param x  parameters of the motion.
+MotionSummary Summarize(Problem problem, std::vector<double> x);
+
+/// Makes the primitive: splines, a feed-forward torque fitted to the plan's within the limits,
+/// entry, exit, contact timeline, certificate, provenance.
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution);
+/// The same with the motion's summary, where it is known already.
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution, const MotionSummary& summary);
+
+}  // namespace tumbler

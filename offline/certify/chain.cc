@@ -1,0 +1,607 @@
+#include "offline/certify/chain.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <set>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "common/core/index.h"
+#include "common/files/toml_reader.h"
+#include "offline/problem/purpose_gauge.h"
+#include "offline/scene/even_steps.h"
+#include "offline/scene/passive_limits.h"
+#include "offline/scene/rest_pose.h"
+#include "offline/scene/scene_dynamics.h"
+#include "offline/scene/stepper.h"
+
+namespace tumbler {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+/// A state beyond this (m, rad, and their rates) is a failed simulation.
+constexpr double kImplausible = 1e4;
+/// A root whose pitch is further than this [rad] from the plan has fallen: a robot that has tipped
+/// over an edge of its feet does not come back.
+constexpr double kFallenPitch = 0.5;
+constexpr double kPostureTolerance = 0.1;
+
+/// The scene of one primitive, and the plan of the primitive in it.
+struct World {
+  World(const PrimitiveFile& f, const Problem& p)
+      : file(f), problem(p), robot(p.scene), distances(p.scene.robot, p.scene.self_contact.All()) {
+    for (const JointMotion<double>& motion : file.primitive.motions())
+      dof_of_joint.push_back(Index(problem.scene.robot.FindDof(motion.name.view())));
+    for (const PurposeFigure& figure : file.purpose) gauges.emplace_back(figure, p.scene.robot);
+    for (const ContactInterval& interval : file.contacts) {
+      for (const ContactShape<Plane>& shape : problem.scene.robot.shapes) {
+        if (shape.name == interval.shape) touching_bodies.insert(shape.body);
+      }
+    }
+  }
+
+  const PrimitiveFile& file;
+  const Problem& problem;
+  SceneDynamics robot;
+  SelfDistances distances;
+  std::vector<std::size_t> dof_of_joint;  // in the order of the primitive's joints
+  std::set<int> touching_bodies;          // that touch anything in the plan
+  std::vector<PurposeGauge> gauges;       // of the purpose's targets
+
+  /// The root's pitch when the primitive is played alone, from its own entry.
+  struct PlannedPitch {
+    double time_s, pitch_rad;
+  };
+  std::vector<PlannedPitch> plan;
+
+  [[nodiscard]] double PlannedPitchAt(double t) const {
+    const auto after = std::lower_bound(plan.begin(), plan.end(), t,
+                                        [](const auto& p, double x) { return p.time_s < x; });
+    if (after == plan.begin()) return plan.front().pitch_rad;
+    if (after == plan.end()) return plan.back().pitch_rad;
+    const auto before = after - 1;
+    const double share = (t - before->time_s) / (after->time_s - before->time_s);
+    return before->pitch_rad + share * (after->pitch_rad - before->pitch_rad);
+  }
+};
+
+class Simulation {
+ public:
+  Simulation(const SimulatedMotion& motion, const ChainOptions& options,
+             const std::function<void(int, const MotionSample&)>& visitor)
+      : file_(motion.file()),
+        options_(options),
+        visitor_(visitor),
+        root_(motion.scene().robot.root_dofs == 3),
+        hinged_(motion.scene().robot.hinged()),
+        bar_(motion.scene().bar) {
+    for (std::size_t i = 0; i < file_.primitives.size(); ++i)
+      worlds_.push_back(std::make_unique<World>(file_.primitives[i], motion.ProblemOf(i)));
+    CheckPassiveJoints();
+    for (int node = 0; node < file_.graph.node_count; ++node) {
+      if (WorldOf(node).plan.empty()) Plan(node);
+    }
+  }
+
+  ChainOutcome Run() {
+    SetStart(file_.graph.start);
+    int node = file_.graph.start;
+    std::size_t since_cycle = 0;
+    bool branched = false;
+    for (;;) {
+      PlayedNode& passage = outcome_.passages.emplace_back();
+      passage.node = node;
+      followed_ = false;
+      passage.start_s = start_s_ = time_;
+      passage.torque_margin_nm = std::numeric_limits<double>::infinity();
+      if (!Enter(passage)) break;
+      const double x = RootX();
+      const double pitch = RootPitch();
+      bool going = Move(passage);
+      int edge = -1;
+      if (going) {
+        const bool ends_cycle = file_.graph.node(node).ends_cycle;
+        outcome_.cycles += ends_cycle ? 1 : 0;
+        since_cycle = ends_cycle ? 0 : since_cycle + 1;
+        edge = NextEdge(file_.graph, node, outcome_.cycles, Request(branched));
+        followed_ = edge >= 0;
+        branched = branched || (edge >= 0 && file_.graph.edge(edge).when == EdgeCondition::kBranch);
+        going = Hold(passage, edge < 0 ? LastHold(node) : file_.graph.edge(edge).settle_s);
+      }
+      passage.travelled_m = RootX() - x;
+      passage.turned_rad = RootPitch() - pitch;
+      if (going) going = Leave(passage);
+      if (!going || edge < 0) break;
+      if (since_cycle > Index(file_.graph.node_count) ||
+          outcome_.cycles > options_.cycles + file_.graph.node_count) {
+        throw std::invalid_argument(fmt::format(
+            "the sequence '{}' goes round for ever: give it a number of cycles and a node that "
+            "ends a cycle, or a branch on its way",
+            file_.graph.name.view()));
+      }
+      node = file_.graph.edge(edge).to;
+    }
+    outcome_.duration_s = time_;
+    outcome_.travelled_m = RootX() - start_x_;
+    return std::move(outcome_);
+  }
+
+ private:
+  [[nodiscard]] World& WorldOf(int node) const {
+    return *worlds_[Index(file_.graph.node(node).primitive)];
+  }
+
+  [[nodiscard]] SequenceRequest Request(bool branched) const {
+    return PlannedRequest(options_.cycles, options_.branch, outcome_.cycles, branched);
+  }
+
+  /// The state of passive joints goes on from one primitive to the next.
+  /// @throws std::invalid_argument  when joints change places.
+  void CheckPassiveJoints() const {
+    if (worlds_.front()->problem.scene.robot.passive.empty()) return;
+    for (int node = 0; node < file_.graph.node_count; ++node) {
+      for (int j = 0; j < WorldOf(node).file.primitive.joint_count; ++j) {
+        if (file_.graph.RoleOf(node, j) == j) continue;
+        throw std::invalid_argument(fmt::format(
+            "the sequence '{}' exchanges the roles of joints, which robots with joints without a "
+            "motor cannot",
+            file_.graph.name.view()));
+      }
+    }
+  }
+
+  // On a bar the pitch is all that is free of the root.
+  [[nodiscard]] double RootX() const { return hinged_ ? bar_.x() : root_ ? root_state_[0] : 0.0; }
+  [[nodiscard]] double RootZ() const { return hinged_ ? bar_.y() : root_ ? root_state_[1] : 0.0; }
+  [[nodiscard]] double RootPitch() const {
+    return hinged_ ? root_state_[0] : root_ ? root_state_[2] : 0.0;
+  }
+  [[nodiscard]] double RootSpeed() const {
+    const auto& y = root_state_;
+    if (hinged_) return std::abs(y[worlds_.front()->robot.free.size()]);
+    const std::size_t x = worlds_.front()->robot.free.size();  // its velocity
+    return root_ ? std::max({std::abs(y[x]), std::abs(y[x + 1]), std::abs(y[x + 2])}) : 0.0;
+  }
+
+  /// On a bar nothing comes to rest by itself, and the exit is where the settle phase ends. A robot
+  /// that is to move at the end is not held.
+  [[nodiscard]] double LastHold(int node) {
+    if (WorldOf(node).problem.ends_moving()) return 0;
+    if (!hinged_) return options_.last_hold_s;
+    const PrimitiveFile& file = WorldOf(node).file;
+    double until_s = file.primitive.duration_s + file.primitive.settle_s;
+    for (const PurposeFigure& figure : file.purpose)
+      until_s = std::max(until_s, DueTimeOf(figure, file));
+    return std::min(options_.last_hold_s, until_s - file.primitive.duration_s);
+  }
+
+  /// Plays the node's primitive alone, as it was planned.
+  void Plan(int node) {
+    planning_ = true;
+    SetStart(node);
+    PlayedNode passage;
+    passage.node = node;
+    if (Move(passage) && !WorldOf(node).problem.ends_moving()) Hold(passage, kExitAfter_s);
+    planning_ = false;
+    outcome_ = {};
+    time_ = 0;
+  }
+
+  void SetStart(int node) {
+    root_state_.fill(0);
+    time_ = start_s_ = 0;
+    const PrimitivePose& entry = WorldOf(node).file.entry;
+    const double pitch = file_.RobotPitch(node, entry.root_pitch_rad);
+    // Positions of the root and of joints without a motor, then their velocities.
+    const std::size_t root = hinged_ ? 1 : root_ ? 3 : 0;
+    const std::size_t rates = root + entry.passive_positions_rad.size();
+    if (hinged_) {
+      root_state_[0] = pitch;
+      root_state_[rates] = entry.root_pitch_rad_s;
+    } else if (root_) {
+      root_state_[0] = entry.root_x_m;
+      root_state_[1] = entry.root_z_m;
+      root_state_[2] = pitch;
+      root_state_[rates] = entry.root_x_m_s;
+      root_state_[rates + 1] = entry.root_z_m_s;
+      root_state_[rates + 2] = entry.root_pitch_rad_s;
+    }
+    std::copy(entry.passive_positions_rad.begin(), entry.passive_positions_rad.end(),
+              root_state_.begin() + static_cast<std::ptrdiff_t>(root));
+    start_x_ = RootX();
+  }
+
+  bool Fail(ChainFailure::Cause cause, int node, std::string text) {
+    outcome_.failure = {cause, node, time_, std::move(text)};
+    return false;
+  }
+
+  /// The root's pitch less a planned one of the node's primitive, without whole turns [rad].
+  [[nodiscard]] double PitchError(int node, double planned_rad) const {
+    return root_ ? NearestTurn(RootPitch() - file_.RobotPitch(node, planned_rad)) : 0.0;
+  }
+
+  bool Enter(PlayedNode& passage) {
+    const PrimitivePose& entry = WorldOf(passage.node).file.entry;
+    passage.entry_z_error_m = root_ ? RootZ() - entry.root_z_m : 0.0;
+    passage.entry_pitch_error_rad = PitchError(passage.node, entry.root_pitch_rad);
+    passage.entry_speed = RootSpeed();
+    BeginPurpose(passage);
+    const JoinTolerances& t = file_.tolerances;
+    if (!(std::abs(passage.entry_z_error_m) <= t.root_z_m)) {
+      return Fail(ChainFailure::Cause::kEntry, passage.node,
+                  fmt::format("root, height: {} m from the entry; allowed: {} m",
+                              MessageText(passage.entry_z_error_m), MessageText(t.root_z_m)));
+    }
+    if (!(std::abs(passage.entry_pitch_error_rad) <= t.root_pitch_rad)) {
+      return Fail(
+          ChainFailure::Cause::kEntry, passage.node,
+          fmt::format("root, pitch: {} rad from the entry; allowed: {} rad",
+                      MessageText(passage.entry_pitch_error_rad), MessageText(t.root_pitch_rad)));
+    }
+    return true;
+  }
+
+  bool Leave(PlayedNode& passage) {
+    const PrimitivePose& exit = WorldOf(passage.node).file.exit;
+    passage.exit_z_error_m = root_ ? RootZ() - exit.root_z_m : 0.0;
+    passage.exit_pitch_error_rad = PitchError(passage.node, exit.root_pitch_rad);
+    passage.exit_speed = RootSpeed();
+    const double half_turn = std::abs(std::remainder(RootPitch(), kPi));
+    passage.posture = hinged_                                    ? PostureOnBar(passage.node)
+                      : !root_                                   ? Posture::kFixed
+                      : half_turn <= kPostureTolerance           ? Posture::kLevel
+                      : kPi / 2 - half_turn <= kPostureTolerance ? Posture::kUpright
+                                                                 : Posture::kInclined;
+    const double tolerance = file_.exit_pitch_tolerance_rad[Index(passage.node)];
+    if (!(std::abs(passage.exit_pitch_error_rad) <= tolerance)) {
+      return Fail(ChainFailure::Cause::kExit, passage.node,
+                  fmt::format("root, pitch: {} rad from the recorded exit; allowed: {} rad",
+                              MessageText(passage.exit_pitch_error_rad), MessageText(tolerance)));
+    }
+    for (const JudgedTarget& judged : passage.purpose) {
+      if (judged.met() != false) continue;
+      return Fail(ChainFailure::Cause::kPurpose, passage.node,
+                  fmt::format("{}: {}", judged.name(), judged.Verdict()));
+    }
+    return true;
+  }
+
+  static double DueTimeOf(const PurposeTarget& target, const PrimitiveFile& file) {
+    return DueTime(target, file.primitive.duration_s, file.primitive.settle_s);
+  }
+
+  /// Notes where the motion begins: its task has it at the primitive's entry.
+  void BeginPurpose(PlayedNode& passage) {
+    const World& world = WorldOf(passage.node);
+    for (std::size_t i = 0; i < world.gauges.size(); ++i)
+      passage.purpose.push_back({world.file.purpose[i], {}, {}, world.gauges[i].obstacle()});
+    const double entry_rad = world.file.entry.root_pitch_rad;
+    task_x_m_ = world.file.entry.root_x_m - RootX();
+    task_pitch_rad_ = PitchError(passage.node, entry_rad) + entry_rad - RootPitch();
+  }
+
+  /// Judges the targets that are due at a time since the start of the node.
+  /// @param all  judges all, since the next motion begins.
+  /// @pre the world's robot is in the state at that time.
+  void JudgePurpose(PlayedNode& passage, const World& world, double time_s, bool all) {
+    const double duration_s = world.file.primitive.duration_s;
+    const bool swings_on = hinged_ && !world.file.primitive.feedback.present();
+    for (std::size_t i = 0; i < passage.purpose.size(); ++i) {
+      JudgedTarget& judged = passage.purpose[i];
+      if (judged.result || !judged.obstacle.empty()) continue;
+      const bool rests = judged.target.when == PurposeTarget::When::kSettled ||
+                         judged.target.when == PurposeTarget::When::kLater;
+      const bool waits = rests && followed_ && !swings_on;
+      if (!all && (waits || time_s < DueTimeOf(judged.target, world.file) - 1e-9)) continue;
+      judged.result = ValueOf(passage.node, world, i);
+      judged.after_s = time_s - duration_s;
+    }
+  }
+
+  /// The value of a target in the coordinates of the task.
+  [[nodiscard]] double ValueOf(int node, const World& world, std::size_t target) {
+    if (world.file.purpose[target].of == PurposeTarget::Of::kSpeed)
+      return std::ranges::max(speeds_, {}, &SpeedAt::speed).speed;
+    SceneDynamics::Numbers q = world.robot.q, qd = world.robot.qd;
+    if (root_) {
+      q[0] = RootX() + task_x_m_;
+      q[1] = RootZ();
+      q[2] = RootPitch() + task_pitch_rad_;
+    }
+    for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
+      const std::size_t role =
+          world.dof_of_joint[Index(file_.graph.RoleOf(node, static_cast<int>(j)))];
+      q[role] = world.robot.q[world.dof_of_joint[j]];
+      qd[role] = world.robot.qd[world.dof_of_joint[j]];
+    }
+    return world.gauges[target].At({q.data(), world.robot.n}, {qd.data(), world.robot.n});
+  }
+
+  /// Judges at the end of a motion or a hold, where no step begins.
+  /// @param t  of the primitive; kHeld: after it.
+  void JudgeAtEnd(PlayedNode& passage, World& world, double t, bool all) {
+    if (planning_ || passage.purpose.empty()) return;
+    NoteSpeed();
+    world.robot.SetFree(root_state_);
+    Prescribe(passage.node, world, t);
+    JudgePurpose(passage, world, time_ - start_s_, all);
+  }
+
+  void NoteSpeed() {
+    speeds_.push_back({time_, RootSpeed()});
+    while (speeds_.front().time_s < time_ - kRestWatched_s) speeds_.pop_front();
+  }
+
+  /// Where the robot's centre of mass is, seen from its bar.
+  [[nodiscard]] Posture PostureOnBar(int node) {
+    const SceneDynamics& robot = WorldOf(node).robot;
+    const double turned =
+        std::abs(TurnFromHanging(WorldOf(node).problem.scene, {robot.q.data(), robot.n}));
+    return turned <= kPostureTolerance         ? Posture::kHanging
+           : kPi - turned <= kPostureTolerance ? Posture::kAbove
+                                               : Posture::kInclined;
+  }
+
+  static std::string MessageText(double value) { return fmt::format("{:.4g}", value); }
+
+  bool Move(PlayedNode& passage) {
+    World& world = WorldOf(passage.node);
+    const double duration = world.file.primitive.duration_s;
+    const EvenSteps steps = StepsOf(world, duration);
+    const double start = time_;
+    for (int i = 0; i < steps.count; ++i) {
+      const auto time_at = [&](double c) { return (i + c) / steps.count * duration; };
+      if (!Step(passage, world, steps.step_s, time_at)) return false;
+      time_ = start + time_at(1);
+    }
+    JudgeAtEnd(passage, world, duration, false);
+    return true;
+  }
+
+  bool Hold(PlayedNode& passage, double hold_s) {
+    World& world = WorldOf(passage.node);
+    passage.hold_s = hold_s;
+    const EvenSteps steps = StepsOf(world, hold_s);
+    const double start = time_;
+    for (int i = 0; i < steps.count; ++i) {
+      if (!Step(passage, world, steps.step_s, [](double) { return kHeld; })) return false;
+      time_ = start + (i + 1.0) / steps.count * hold_s;
+    }
+    JudgeAtEnd(passage, world, kHeld, followed_);
+    return true;
+  }
+
+  [[nodiscard]] EvenSteps StepsOf(const World& world, double duration_s) const {
+    return {duration_s, options_.step_s > 0 ? options_.step_s : world.problem.solver.step_s};
+  }
+
+  /// Puts the robot's joints where the node's primitive has them at its time t.
+  void Prescribe(int node, World& world, double t) {
+    SceneDynamics& robot = world.robot;
+    for (int j = 0; j < world.file.primitive.joint_count; ++j) {
+      const std::size_t dof = world.dof_of_joint[Index(j)];
+      const auto& path = world.file.primitive.joints[Index(file_.graph.RoleOf(node, j))].position;
+      if (t == kHeld) {
+        robot.q[dof] = path.control_points().back();
+        robot.qd[dof] = robot.qdd[dof] = 0;
+        continue;
+      }
+      const auto sample = path.Evaluate(t);
+      robot.q[dof] = sample.value;
+      robot.qd[dof] = sample.first;
+      robot.qdd[dof] = sample.second;
+    }
+  }
+
+  /// One step of the root. `time_at` gives the time of the node for a part of the step, 0 to 1.
+  template <class TimeAt>
+  bool Step(PlayedNode& passage, World& world, double h, const TimeAt& time_at) {
+    SceneDynamics& robot = world.robot;
+    const std::size_t size = 2 * robot.free.size();
+    const bool going = StepRungeKutta<kClassical>(
+        root_state_, size, h, [&](int s, const SceneDynamics::State& y_s, double* k) {
+          robot.SetFree(y_s);
+          Prescribe(passage.node, world, time_at(kClassical.c[Index(s)]));
+          robot.TouchAndSolve();
+          robot.TakeSlope(k);
+          return s > 0 || Look(passage, world);
+        });
+    if (!going) return false;
+    const bool plausible =
+        std::all_of(root_state_.begin(), root_state_.begin() + static_cast<std::ptrdiff_t>(size),
+                    [](double value) { return std::abs(value) < kImplausible; });
+    return plausible || Fail(ChainFailure::Cause::kImplausible, passage.node,
+                             "the state leaves every plausible range");
+  }
+
+  /// Takes the state at the start of a step into the figures of the passage.
+  bool Look(PlayedNode& passage, World& world) {
+    const int node = passage.node;
+    if (planning_) {
+      world.plan.push_back({time_ - start_s_, RootPitch() - file_.RobotPitch(node, 0)});
+      return true;
+    }
+    NoteSpeed();
+    JudgePurpose(passage, world, time_ - start_s_, false);
+    const double off = PitchError(node, world.PlannedPitchAt(time_ - start_s_));
+    const double allowed = std::max(kFallenPitch, file_.exit_pitch_tolerance_rad[Index(node)]);
+    if (std::abs(off) > allowed) {
+      return Fail(ChainFailure::Cause::kFallen, node,
+                  fmt::format("root, pitch: {} rad from the plan; more than {} rad is a fall",
+                              MessageText(off), MessageText(allowed)));
+    }
+    for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
+      const double torque = std::abs(world.robot.tau[world.dof_of_joint[j]]);
+      passage.peak_torque_nm = std::max(passage.peak_torque_nm, torque);
+      const std::size_t dof = world.dof_of_joint[j];
+      const double lack =
+          world.problem.joints[j].motor.LackAt(world.robot.tau[dof], world.robot.qd[dof]);
+      const double limit = world.file.primitive.joints[j].limits.torque_max_nm;
+      passage.torque_margin_nm = std::min(passage.torque_margin_nm, limit * (1 - lack) - torque);
+    }
+    const SelfClearance own = world.distances.Nearest({world.robot.q.data(), world.robot.n});
+    if (own.distance_m < 0) {
+      return Fail(ChainFailure::Cause::kOverlap, node,
+                  fmt::format("the robot's own shapes {} overlap by {} mm",
+                              NameOf(world.problem.scene.robot, own.pair),
+                              MessageText(-1e3 * own.distance_m)));
+    }
+    const PassiveExcess passive =
+        FarthestPassive(world.problem.scene.robot, {world.robot.q.data(), world.robot.n});
+    if (passive.by > 0) {
+      return Fail(ChainFailure::Cause::kStop, node, Describe(passive, world.problem.scene.robot));
+    }
+    const std::span<const ActiveContact<Plane>> contacts = world.robot.contact->active();
+    if (visitor_) {
+      const SceneDynamics& robot = world.robot;
+      const auto n = static_cast<std::ptrdiff_t>(robot.n);
+      sample_.time_s = time_;
+      sample_.q.assign(robot.q.begin(), robot.q.begin() + n);
+      sample_.qd.assign(robot.qd.begin(), robot.qd.begin() + n);
+      sample_.torque.clear();
+      for (const std::size_t dof : world.dof_of_joint) sample_.torque.push_back(robot.tau[dof]);
+      sample_.contacts = contacts;
+      sample_.dynamics = &robot.dynamics;
+      visitor_(node, sample_);
+    }
+    for (const ActiveContact<Plane>& active : contacts) {
+      passage.peak_penetration_m = std::max(passage.peak_penetration_m, active.depth_m);
+      const ContactShape<Plane>& shape = world.problem.scene.robot.shapes[Index(active.shape)];
+      const std::string& obstacle = TouchedName(world.problem.scene, active);
+      if (active.depth_m >= world.problem.scene.contact.d_on_m) {
+        return Fail(ChainFailure::Cause::kCore, node,
+                    fmt::format("{} is {} mm deep in {}, through the layer of {} mm", shape.name,
+                                MessageText(1e3 * active.depth_m), obstacle,
+                                MessageText(1e3 * world.problem.scene.contact.d_on_m)));
+      }
+      if (world.touching_bodies.count(RoleOfBody(node, world, shape.body)) == 0) {
+        return Fail(
+            ChainFailure::Cause::kTouch, node,
+            fmt::format("{} touches {}, which it never does in the plan", shape.name, obstacle));
+      }
+    }
+    return true;
+  }
+
+  /// The body of the plan whose role a body of the robot has in this node.
+  [[nodiscard]] int RoleOfBody(int node, const World& world, int body) const {
+    const auto& dofs = world.dof_of_joint;
+    const auto joint = std::find(dofs.begin(), dofs.end(), Index(body));
+    if (joint == dofs.end()) return body;
+    const int role = file_.graph.RoleOf(node, static_cast<int>(joint - dofs.begin()));
+    return static_cast<int>(dofs[Index(role)]);
+  }
+
+  static constexpr double kHeld = -1;  // stands for the time after the motion
+
+  const SequenceFile& file_;
+  const ChainOptions& options_;
+  const std::function<void(int, const MotionSample&)>& visitor_;
+  bool root_;    // whether the root is not fixed
+  bool hinged_;  // on a bar
+  Plane::Vector bar_;
+  std::vector<std::unique_ptr<World>> worlds_;  // by primitive
+  SceneDynamics::State root_state_{};
+  double time_ = 0;
+  double start_s_ = 0;     // of the node
+  bool planning_ = false;  // playing a primitive alone
+  double start_x_ = 0;
+  bool followed_ = false;  // whether another motion follows the one that is held
+  // What makes the root's x and pitch those of the node's task.
+  double task_x_m_ = 0, task_pitch_rad_ = 0;
+  struct SpeedAt {
+    double time_s, speed;
+  };
+  std::deque<SpeedAt> speeds_;  // of the root, in the last kRestWatched_s
+  MotionSample sample_;
+  ChainOutcome outcome_;
+};
+
+}  // namespace
+
+const char* ToString(Posture posture) {
+  switch (posture) {
+    case Posture::kUpright:
+      return "upright";
+    case Posture::kLevel:
+      return "level";
+    case Posture::kInclined:
+      return "inclined";
+    case Posture::kHanging:
+      return "hanging";
+    case Posture::kAbove:
+      return "above";
+    case Posture::kFixed:
+      return "fixed";
+  }
+  return "unknown";
+}
+
+const char* ToString(ChainFailure::Cause cause) {
+  switch (cause) {
+    case ChainFailure::Cause::kImplausible:
+      return "implausible";
+    case ChainFailure::Cause::kCore:
+      return "core";
+    case ChainFailure::Cause::kTouch:
+      return "touch";
+    case ChainFailure::Cause::kOverlap:
+      return "overlap";
+    case ChainFailure::Cause::kStop:
+      return "stop";
+    case ChainFailure::Cause::kFallen:
+      return "fallen";
+    case ChainFailure::Cause::kExit:
+      return "exit";
+    case ChainFailure::Cause::kPurpose:
+      return "purpose";
+    case ChainFailure::Cause::kEntry:
+      return "entry";
+  }
+  return "unknown";
+}
+
+ChainOutcome::Judged ChainOutcome::CountJudged() const {
+  Judged count;
+  for (const PlayedNode& passage : passages) {
+    for (const JudgedTarget& judged : passage.purpose)
+      ++(judged.result ? count.judged : count.not_judged);
+  }
+  return count;
+}
+
+void RequireSameGround(const SimulatedMotion& motion) {
+  const SequenceFile& file = motion.file();
+  for (std::size_t i = 1; i < file.primitives.size(); ++i) {
+    if (SameGround(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
+    throw FileError(file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
+                    fmt::format("was made for other [contact] or [[obstacle]] than '{}'; give both "
+                                "tasks the same and make it again",
+                                file.primitive_names.front()));
+  }
+}
+
+ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
+                           const std::function<void(int, const MotionSample&)>& visitor) {
+  const SequenceFile& file = motion.file();
+  RequireSameGround(motion);
+  RequireOneRobot(motion);
+  if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
+    const std::vector<std::string> names = BranchNames(file.graph);
+    throw std::invalid_argument(fmt::format(
+        "the sequence '{}' has no branch '{}'; its branches: {}", file.graph.name.view(),
+        options.branch, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+  }
+  return Simulation(motion, options, visitor).Run();
+}
+
+}  // namespace tumbler

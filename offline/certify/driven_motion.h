@@ -1,0 +1,37 @@
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "offline/certify/certificate.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// In what a robot's start and floor differ from the plan's.
+struct Disturbance {
+  double slope_rad = 0;  ///< By which the ground slopes more than the task's; as its `slope_rad`.
+  double lean_rad = 0;   ///< That is added to the root's pitch where the motion begins.
+};
+
+/// Plays a motion on the nominal robot through drives that give way (Problem::drive_gains), and
+/// holds its end: at every joint
+///
+///   torque = kp (setpoint - position) + kd (its velocity - velocity) + feed-forward
+///
+/// within the joint's limit and its motor's torque-speed curve, less friction, with setpoints
+/// that change once in a millisecond and arrive 0.3 ms later. A feedback does not act. By the
+/// classical Runge-Kutta method, with a quarter of the solver's step until ExitAfter the end and
+/// with the whole step from then on, and with shorter ones where a drive's damping asks for them.
+///
+/// @param feed_forward  of each joint (FeedForward).
+/// @param visitor       is called at every step with the time [s] and the positions of all degrees
+///                      of freedom [m, rad], and returns whether to go on.
+/// @returns false when the state left every plausible range before `until_s`.
+bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
+                       std::span<const JointMotion<double>::Spline> feed_forward,
+                       const Disturbance& disturbance, double until_s,
+                       const std::function<bool(double, std::span<const double>)>& visitor);
+
+}  // namespace tumbler

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/files/primitive_toml.h"
+#include "offline/certify/certificate.h"
+#include "offline/certify/second_look.h"
+#include "offline/problem/damped_motion.h"
+#include "offline/problem/task_toml.h"
+#include "offline/solve/minima.h"
+#include "offline/solve/solver.h"
+
+namespace tumbler {
+
+/// The result of the work on one task.
+struct TaskResult {
+  Task task;
+  SolveOutcome outcome;
+  Solution best;
+  MotionSummary summary;  ///< Figures of `best`, if it has a motion.
+  SecondLook look;        ///< At `best`, if it has a motion.
+  bool usable = false;    ///< Whether `best` is a motion that can be written.
+  std::string cause;      ///< The reason when it is not usable.
+  std::vector<LocalMinimum> minima;
+  std::vector<MotionSummary> minima_summaries;
+  /// What the second look objects to, for each of the minima; empty where it accepts the motion.
+  std::vector<std::string> minima_objections;
+  std::optional<PrimitiveFile> file;
+  DampedMotion damping;  ///< Of the file's motion, with the task's gains.
+  double wall_s = 0;
+  double cpu_s = 0;
+  double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.
+
+  [[nodiscard]] const Problem& problem() const { return task.problem; }
+  /// The distance of the pitch from the task's target, 2 s after the motion [rad]; none where the
+  /// task has no such target.
+  [[nodiscard]] std::optional<double> settled_error_rad() const {
+    if (!problem().target_pitch_rad) return std::nullopt;
+    return std::abs(summary.settled_pitch_rad - *problem().target_pitch_rad);
+  }
+};
+
+struct WorkSettings {
+  int threads = 1;
+  bool minima = false;     ///< Whether to distinguish the minima.
+  bool keep_best = false;  ///< Whether an interrupted search makes a file, too.
+  bool quiet = false;      ///< Whether nothing is said on standard error while it works.
+  std::atomic<bool>* interrupt = nullptr;
+  /// Told of every evaluation, as SolveOptions::progress; empty: standard error is.
+  std::function<void(const Evaluation&)> progress;
+};
+
+/// Solves the task and makes the primitive's file.
+TaskResult WorkOn(Task task, const WorkSettings& settings);
+
+/// The results, best first: tasks with a motion before those without, then by cost, or by how far
+/// they miss. The pointers are into `results`.
+std::vector<const TaskResult*> Ranked(const std::vector<TaskResult>& results);
+
+}  // namespace tumbler

@@ -1,0 +1,179 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "offline/model/plane_vector.h"
+#include "offline/model/space_vector.h"
+
+namespace tumbler {
+
+/// The algebra of rigid motions of space, SE(3): x right, z up, y away from the viewer of the x-z
+/// plane; angles follow the right hand about their axis. It has the same members as `Plane`, so
+/// that the dynamics can be templates over both.
+///
+/// All quantities of one computation are expressed in one frame at rest: world axes and an origin
+/// of the caller's choice. Units: SI.
+struct Spatial {
+  using Vector = SpaceVector;   ///< (x, y, z)
+  using Angular = SpaceVector;  ///< About the world axes.
+
+  /// The most degrees of freedom of a tree, those of the root included.
+  static constexpr int kMaxDofs = 32;
+  static constexpr std::size_t kMotions = 6;  ///< Dimension of the space of motions.
+
+  /// Angular velocity w applied to the point r.
+  static Vector Cross(const Vector& w, const Vector& r) { return w.cross(r); }
+  /// Moment about the origin of the force f at the point r.
+  static Vector Moment(const Vector& r, const Vector& f) { return Cross(r, f); }
+
+  /// A rotation by its matrix.
+  struct Rotation {
+    SpaceMatrix m = SpaceMatrix::Identity();
+    [[nodiscard]] Vector operator*(const Vector& r) const { return m * r; }
+    [[nodiscard]] Rotation operator*(const Rotation& b) const { return {m * b.m}; }
+    [[nodiscard]] Vector Inverse(const Vector& r) const { return m.TransposeTimes(r); }
+    bool operator==(const Rotation&) const = default;
+  };
+  /// Axis of a revolute joint: a unit vector.
+  using Axis = Vector;
+  static Axis DefaultAxis() { return Vector::UnitZ(); }
+  static Rotation RotationBy(const Axis& axis, double angle);
+
+  /// Velocity of a body: angular velocity, and the velocity of the body's point that is now at the
+  /// origin.
+  struct Motion {
+    Vector w = Vector::Zero();
+    Vector v = Vector::Zero();
+    friend Motion operator+(const Motion& a, const Motion& b) { return {a.w + b.w, a.v + b.v}; }
+    friend Motion operator*(const Motion& a, double k) { return {a.w * k, a.v * k}; }
+    /// Velocity of the body's point at r.
+    [[nodiscard]] Vector At(const Vector& r) const { return v + Cross(w, r); }
+  };
+  /// The derivative of a motion that is carried along by another. Unlike in the plane, it is a
+  /// motion like any other.
+  using Rate = Motion;
+
+  /// The motion of a body with rotation R that turns at unit rate about an axis of its own through
+  /// the point p.
+  static Motion RevoluteMotion(const Rotation& R, const Axis& axis, const Vector& p) {
+    const Vector w = R * axis;
+    return {w, Cross(p, w)};
+  }
+
+  /// Moment about the origin [N m], and force [N].
+  struct Wrench {
+    Vector n = Vector::Zero();
+    Vector f = Vector::Zero();
+    friend Wrench operator+(const Wrench& a, const Wrench& b) { return {a.n + b.n, a.f + b.f}; }
+    friend Wrench operator-(const Wrench& a, const Wrench& b) { return {a.n - b.n, a.f - b.f}; }
+    friend Wrench operator*(const Wrench& a, double k) { return {a.n * k, a.f * k}; }
+  };
+  /// A linear map from motions to wrenches, by its columns.
+  struct WrenchMap {
+    std::array<Wrench, 6> columns;  ///< Images of `BasisMotion(0)` ... `BasisMotion(5)`.
+    WrenchMap& operator+=(const WrenchMap& a) {
+      for (std::size_t m = 0; m < columns.size(); ++m) columns[m] = columns[m] + a.columns[m];
+      return *this;
+    }
+    friend Wrench operator*(const WrenchMap& a, const Motion& u) {
+      Wrench sum;
+      for (std::size_t m = 0; m < 3; ++m) {
+        const int i = static_cast<int>(m);
+        sum = sum + a.columns[m] * u.w[i] + a.columns[m + 3] * u.v[i];
+      }
+      return sum;
+    }
+    /// The covector z with z . u = s . (A u) for every motion u, to be applied by `Dot`.
+    [[nodiscard]] Wrench TransposeTimes(const Motion& s) const {
+      return {{Dot(s, columns[0]), Dot(s, columns[1]), Dot(s, columns[2])},
+              {Dot(s, columns[3]), Dot(s, columns[4]), Dot(s, columns[5])}};
+    }
+  };
+  /// Turning at unit rate about x, y, z through the origin; unit velocity along x, y, z.
+  static Motion BasisMotion(std::size_t m) {
+    const int i = static_cast<int>(m);
+    Motion motion;
+    (m < 3 ? motion.w[i] : motion.v[i - 3]) = 1;
+    return motion;
+  }
+  static Vector At(const Motion& motion, const Vector& r) { return motion.At(r); }
+  /// The wrench of the force f at the point r.
+  static Wrench ForceAt(const Vector& r, const Vector& f) { return {Cross(r, f), f}; }
+
+  /// Power of a wrench on a motion [W].
+  static double Dot(const Motion& m, const Wrench& f) { return m.w.dot(f.n) + m.v.dot(f.f); }
+
+  /// a x b: how b changes when it is carried along with a.
+  static Motion Cross(const Motion& a, const Motion& b) {
+    return {Cross(a.w, b.w), Cross(a.w, b.v) + Cross(a.v, b.w)};
+  }
+  /// a x* f: how the wrench f changes when it is carried along with a.
+  static Wrench Cross(const Motion& a, const Wrench& f) {
+    return {Cross(a.w, f.n) + Cross(a.v, f.f), Cross(a.w, f.f)};
+  }
+
+  /// Inertia of a body about its mass centre, in the body's frame [kg m^2].
+  using BodyInertia = SpaceMatrix;
+  static BodyInertia NoInertia() { return SpaceMatrix::Zero(); }
+
+  /// Inertia about the origin: mass m, first moment h = m c, and the matrix of second moments
+  /// Sigma, the integral of r r^T dm. The usual inertia matrix is tr(Sigma) 1 - Sigma; Sigma moves
+  /// to another point without the cross terms, and gives `Bias` its short form.
+  struct Inertia {
+    double m = 0;
+    Vector h = Vector::Zero();
+    SpaceMatrix sigma = SpaceMatrix::Zero();
+    /// The inertia of a body of mass m, mass centre c, rotation R, and inertia i_c about the mass
+    /// centre in its own frame.
+    static Inertia OfBody(double m, const Vector& c, const Rotation& R, const BodyInertia& i_c) {
+      const SpaceMatrix own = 0.5 * i_c.trace() * SpaceMatrix::Identity() - i_c;
+      return {m, m * c, R.m * own * R.m.transpose() + SpaceMatrix::Outer(m * c, c)};
+    }
+    friend Inertia operator+(const Inertia& a, const Inertia& b) {
+      return {a.m + b.m, a.h + b.h, a.sigma + b.sigma};
+    }
+    friend Wrench operator*(const Inertia& a, const Motion& b) {
+      return {a.sigma.trace() * b.w - a.sigma * b.w + Cross(a.h, b.v), a.m * b.v + Cross(b.w, a.h)};
+    }
+  };
+
+  /// The bias map 2B(I, v) u = v x* I u - I (v x u) + u x* I v [SRW22, Eq. 29]. With v = (w, v_o),
+  /// the momentum (n, p) = I v and Jacobi's identity, all terms in the linear part of u cancel.
+  /// This remains:
+  ///
+  ///   2B u = (A u.w, 2 u.w x p),   A = 2 (h . v_o) 1 - 2 v_o h^T - 2 [w] Sigma,
+  ///
+  /// where [w] is the matrix of the cross product. Both parts add up over bodies.
+  struct Bias {
+    SpaceMatrix A = SpaceMatrix::Zero();
+    Vector twice_p = Vector::Zero();
+    static Bias OfBody(const Inertia& inertia, const Motion& v, const Wrench& momentum) {
+      const Vector v2 = 2 * v.v;
+      SpaceMatrix A = SpaceMatrix::Outer(-v2, inertia.h);
+      for (int k = 0; k < 3; ++k) {
+        A(k, k) += inertia.h.dot(v2);
+        A.col(k) -= 2 * Cross(v.w, inertia.sigma.col(k));
+      }
+      return {A, 2 * momentum.f};
+    }
+    friend Bias operator+(const Bias& a, const Bias& c) {
+      return {a.A + c.A, a.twice_p + c.twice_p};
+    }
+    friend Wrench operator*(const Bias& a, const Motion& u) {
+      return {a.A * u.w, Cross(u.w, a.twice_p)};
+    }
+    /// The covector z on angular velocities with z . u.w = s . (2B u) for every motion u, to be
+    /// applied by `Apply`.
+    [[nodiscard]] Vector TransposeTimes(const Motion& s) const {
+      return A.TransposeTimes(s.w) + Cross(twice_p, s.v);
+    }
+  };
+  static double Apply(const Vector& z, const Motion& u) { return z.dot(u.w); }
+  static Wrench BiasOfRate(const Bias& bias, const Motion& u) { return bias * u; }
+};
+
+/// What the x-z plane keeps of a vector in space.
+inline PlaneVector InPlane(const Spatial::Vector& r) { return {r.x(), r.z()}; }
+
+}  // namespace tumbler

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "offline/model/outline.h"
+#include "offline/model/planar_robot.h"
+
+namespace tumbler {
+
+/// The file of a mesh as a robot file names it: an absolute path or `file://`, a path from the
+/// robot file's folder, or `package://NAME/...`, which is looked for in that folder and in all
+/// above it: with NAME, and as if the package's own folder had another name. Empty: there is none.
+std::string FindMesh(const std::string& named, const std::string& robot_file);
+
+/// The convex hull of a mesh in the plane of its body, for pictures, with 32 corners at most: of
+/// more, those go that it loses least with. Empty where there is no such file, where it is neither
+/// STL nor OBJ, or cannot be read, and in a build without assimp.
+Outline MeshOutline(const DrawnMesh& mesh, const std::string& robot_file);
+
+/// The convex hull of points, counter-clockwise and without corners on its sides.
+std::vector<Plane::Vector> ConvexHull(std::vector<Plane::Vector> points);
+
+}  // namespace tumbler

@@ -1,0 +1,139 @@
+#include "offline/pages/page_file.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+#include <system_error>
+
+#include "offline/pages/report_checks.h"
+
+namespace tumbler {
+namespace {
+
+/// The JSON as text that may stand in a script element. An HTML parser looks for `</script` and
+/// `<!--` even inside strings, so every `<` is escaped.
+std::string ScriptText(const Json& json) {
+  const std::string text = json.Dump(-1);
+  std::string safe;
+  safe.reserve(text.size());
+  for (const char c : text) {
+    if (c == '<') {
+      safe += "\\u003c";
+    } else {
+      safe += c;
+    }
+  }
+  return safe;
+}
+
+std::string HtmlText(std::string_view text) {
+  std::string safe;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        safe += "&amp;";
+        break;
+      case '<':
+        safe += "&lt;";
+        break;
+      case '>':
+        safe += "&gt;";
+        break;
+      default:
+        safe += c;
+    }
+  }
+  return safe;
+}
+
+}  // namespace
+
+Json SceneToJson(const ReportData& data) {
+  CheckScene(data);
+  Json json = {{"links", Json::Array()}, {"joints", Json::Array()}, {"obstacles", Json::Array()}};
+  for (const ReportLink& link : data.links) {
+    Json shapes = Json::Array();
+    for (const ReportShape& shape : link.shapes) {
+      shapes.Append(
+          {{"corners", shape.corners_m}, {"r", shape.radius_m}, {"collides", shape.collides}});
+    }
+    json["links"].Append({{"name", link.name}, {"shapes", shapes}});
+  }
+  for (std::size_t k = 0; k < data.joint_names.size(); ++k) {
+    Json joint = {
+        {"name", data.joint_names[k]},
+        {"link", data.joint_links.empty() ? static_cast<int>(k) + 1 : data.joint_links[k]},
+        {"torque_limit_nm", nullptr},
+        {"position_limits_rad", nullptr}};
+    if (!data.torque_limits_nm.empty()) joint["torque_limit_nm"] = data.torque_limits_nm[k];
+    if (!data.position_limits_rad.empty()) {
+      joint["position_limits_rad"] = data.position_limits_rad[k];
+    }
+    json["joints"].Append(joint);
+  }
+  for (const ReportObstacle& obstacle : data.obstacles) {
+    json["obstacles"].Append(
+        {{"name", obstacle.name}, {"corners", obstacle.corners_m}, {"r", obstacle.radius_m}});
+  }
+  if (data.ground_z_m) json["ground_z"] = *data.ground_z_m;
+  return json;
+}
+
+Json LinkPath(const std::vector<ReportSample>& samples, std::size_t link) {
+  Json x = Json::Array(), z = Json::Array(), pitch = Json::Array();
+  for (const ReportSample& sample : samples) {
+    x.Append(sample.link_poses[link][0]);
+    z.Append(sample.link_poses[link][1]);
+    pitch.Append(sample.link_poses[link][2]);
+  }
+  return {{"x_m", x}, {"z_m", z}, {"pitch_rad", pitch}};
+}
+
+std::string FillPage(const std::string& page, std::string_view title, const Json& data) {
+  constexpr std::string_view kTitle = "{{title}}";
+  constexpr std::string_view kData = "{{data}}";
+  const std::size_t title_at = page.find(kTitle);
+  const std::size_t data_at = page.find(kData);
+  std::string filled = page.substr(0, title_at);
+  filled += HtmlText(title);
+  filled += page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size());
+  filled += ScriptText(data);
+  filled += page.substr(data_at + kData.size());
+  return filled;
+}
+
+std::string WritePage(const std::string& page, const std::string& directory) {
+  const std::filesystem::path path = std::filesystem::path(directory) / "index.html";
+  std::error_code error;
+  const bool made = std::filesystem::create_directories(directory, error);
+  const auto fail = [&](const std::string& reason) {
+    std::error_code none;
+    if (made) std::filesystem::remove(directory, none);
+    throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), reason));
+  };
+  if (error) fail(error.message());
+  // Of its own, so that two programs can write to one folder.
+  const std::filesystem::path partial = fmt::format("{}.{}.tmp", path.string(), getpid());
+  {
+    std::ofstream file(partial, std::ios::binary);
+    file << page << std::flush;
+    if (!file) {
+      const std::string reason = std::generic_category().message(errno);
+      std::filesystem::remove(partial, error);
+      fail(reason);
+    }
+  }
+  std::filesystem::rename(partial, path, error);
+  if (error) {
+    const std::string reason = error.message();
+    std::filesystem::remove(partial, error);
+    fail(reason);
+  }
+  return path.string();
+}
+
+}  // namespace tumbler

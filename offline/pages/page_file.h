@@ -1,0 +1,28 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "common/files/json.h"
+#include "offline/pages/report.h"
+
+namespace tumbler {
+
+/// A page with its title and data filled in at `{{title}}` and `{{data}}`; both may be any text.
+/// Numbers that are not finite become null.
+std::string FillPage(const std::string& page, std::string_view title, const Json& data);
+
+/// Writes `DIR/index.html`, and creates DIR where it is missing. An existing page is replaced only
+/// once the new one is complete. @returns the page's path.
+/// @throws std::runtime_error with the path when it cannot be written.
+std::string WritePage(const std::string& page, const std::string& directory);
+
+/// The robot and its surroundings as the page's scripts draw them: `links` (name, shapes), `joints`
+/// (name, link, limits), `obstacles` (name, corners, r), and `ground_z` where ground is level.
+/// @throws std::invalid_argument naming the field as WriteReport does.
+Json SceneToJson(const ReportData& data);
+
+/// The poses of link number `link` in all samples: columns `x_m`, `z_m`, `pitch_rad`.
+Json LinkPath(const std::vector<ReportSample>& samples, std::size_t link);
+
+}  // namespace tumbler

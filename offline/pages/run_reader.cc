@@ -1,0 +1,228 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <stdexcept>
+
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/devices/error_texts.h"
+#include "firmware_interface/devices/logged_position.h"
+#include "offline/pages/robot_paths.h"
+#include "offline/pages/run_data.h"
+#include "offline/pages/run_events.h"
+#include "offline/pages/run_facts.h"
+#include "offline/pages/run_plan.h"
+#include "offline/pages/truth.h"
+#include "runtime/record/flight_record.h"
+#include "runtime/record/message_readers.h"
+#include "runtime/record/recorded_assembly.h"
+
+namespace tumbler {
+namespace {
+
+double Seconds(std::int64_t ns) { return static_cast<double>(ns) / 1e9; }
+
+/// Reads a flight record tick by tick.
+class RunReader {
+ public:
+  RunReader(FlightRecord& record, const std::string& truth_log)
+      : record_(record),
+        configuration_(record.configuration()),
+        motion_(LoadMotion(configuration_.motion_file,
+                           [this](const std::string& path) { return TextOf(path); })),
+        assembly_(Assemble(configuration_)),
+        paths_(motion_),
+        events_(motion_.graph, configuration_.joints, ErrorCodesOf(assembly_.parts().drives)) {
+    run_.name = record.name();
+    run_.recorded = true;
+    run_.scene = paths_.scene();
+    run_.passive_names = paths_.passive_names();
+    run_.robot_hash = motion_.primitives.front().provenance.robot_hash;
+    run_.period_s = Seconds(configuration_.period_ns);
+    if (run_.scene.joint_names != configuration_.joints) {
+      throw RecordError(fmt::format("{}: its joints ({}) are not those of its motion ({})",
+                                    run_.name, fmt::join(configuration_.joints, ", "),
+                                    fmt::join(run_.scene.joint_names, ", ")));
+    }
+    for (const auto& [name, meaning] :
+         {std::pair("wake-up", "from what the loop slept for to when it was awake"),
+          std::pair("tick", "from when the loop was awake to all done"),
+          std::pair("reply", "from handing a setpoint to the bus to the arrival of the reply"),
+          std::pair("frame age", "from the arrival of a frame to the tick that took it")}) {
+      run_.latencies.push_back({name, meaning, {}});
+    }
+    FindZero();
+    ReadTicks();
+    if (!truth_log.empty()) TakeTruthLog(truth_log);
+    ReadTruths();
+    AddPlan(run_, paths_, motion_.graph.start);
+    for (RunLatency& latency : run_.latencies) {
+      std::sort(latency.values_ns.begin(), latency.values_ns.end());
+    }
+    run_.events = events_.Take();
+    AddFacts(run_, record_, motion_.graph.name.view());
+  }
+
+  RunData Take() { return std::move(run_); }
+
+ private:
+  [[nodiscard]] std::string TextOf(const std::string& path) const {
+    for (const LoadedFile& file : configuration_.files) {
+      if (file.path == path) return file.text;
+    }
+    throw RecordError(fmt::format("{}: '{}' is not among its files", run_.name, path));
+  }
+
+  void FindZero() {
+    const auto entry = std::make_unique<TickEntry>();
+    bool any = false;
+    while (record_.Next(*entry)) {
+      if (!any || entry->record.state == ExecutorState::kRunning) {
+        zero_ns_ = entry->notes.deadline_ns;
+      }
+      any = true;
+      if (entry->record.state == ExecutorState::kRunning) break;
+    }
+    if (!any) throw RecordError(fmt::format("{}: holds no tick", run_.name));
+    record_.Rewind();
+  }
+
+  void ReadTicks() {
+    const auto entry = std::make_unique<TickEntry>();
+    while (record_.Next(*entry)) {
+      KeepTruths();
+      AddTick(*entry);
+    }
+    KeepTruths();
+    if (!run_.bands.empty() && in_band_) run_.bands.back().to_s = run_.ticks.back().time_s;
+  }
+
+  void KeepTruths() {
+    for (const auto& bytes : record_.truths()) {
+      truth_t& truth = truths_.emplace_back();
+      if (!ReadMessage(bytes, truth)) {
+        throw RecordError(
+            fmt::format("{}: the true state of the robot in it is of another version", run_.name));
+      }
+    }
+  }
+
+  void AddTick(const TickEntry& entry) {
+    const TickRecord& record = entry.record;
+    RunTick tick;
+    tick.time_s = Seconds(entry.notes.deadline_ns - zero_ns_);
+    tick.tick = record.tick;
+    tick.state = record.state;
+    tick.reaction = record.reaction;
+    tick.node = int{record.node};
+    tick.primitive_time_s = double{record.primitive_time_s};
+    const RunTick* const before = run_.ticks.empty() ? nullptr : &run_.ticks.back();
+    if (before != nullptr && tick.time_s <= before->time_s) {
+      throw RecordError(
+          fmt::format("{}: time goes backwards after {} ticks", run_.name, run_.ticks.size()));
+    }
+    const std::int64_t missing = before == nullptr ? 0 : entry.index - index_before_ - 1;
+    events_.TakeTick(entry, tick, before, missing);
+    AddLatencies(entry, before != nullptr && missing == 0);
+    FollowBand(tick, before);
+    index_before_ = entry.index;
+    send_before_ns_ = entry.notes.send_ns;
+    run_.ticks.push_back(tick);
+    for (std::size_t j = 0; j < run_.joint_count(); ++j) {
+      run_.joint_ticks.push_back(record.joints[j]);
+    }
+  }
+
+  void AddLatencies(const TickEntry& entry, bool adjacent) {
+    const TickNotes& times = entry.notes;
+    run_.latencies[0].values_ns.push_back(times.awake_ns - times.due_ns);
+    run_.latencies[1].values_ns.push_back(times.done_ns - times.awake_ns);
+    for (const DriveEntry& drive : assembly_.parts().drives.drives) {
+      if (!adjacent) break;
+      for (const ReceivedFrame& received : entry.input().received) {
+        if (received.time_ns < send_before_ns_) continue;
+        if (!ReportedPosition(drive.config, received.frame)) continue;
+        run_.latencies[2].values_ns.push_back(received.time_ns - send_before_ns_);
+        break;
+      }
+    }
+    for (const ReceivedFrame& received : entry.input().received) {
+      run_.latencies[3].values_ns.push_back(times.awake_ns - received.time_ns);
+    }
+  }
+
+  void FollowBand(const RunTick& tick, const RunTick* before) {
+    const bool begins = BeginsNode(tick, before);
+    if (in_band_ && (begins || !InMotion(tick.state))) {
+      run_.bands.back().to_s = tick.time_s;
+      in_band_ = false;
+    }
+    if (!begins) return;
+    in_band_ = true;
+    run_.bands.push_back({tick.time_s, tick.time_s, tick.node,
+                          std::string(motion_.graph.node(tick.node).name.view())});
+  }
+
+  /// Takes the truth from an LCM log, in place of the truth in the record.
+  void TakeTruthLog(const std::string& path) {
+    truths_.clear();
+    for (LoggedTruth& logged : ReadTruthLog(path)) {
+      logged.truth.time_ns = (logged.utime_us - configuration_.utime_at_zero_us) * 1000;
+      const double t = Seconds(logged.truth.time_ns - zero_ns_);
+      if (t < run_.ticks.front().time_s - 1 || t > run_.ticks.back().time_s + 1) continue;
+      truths_.push_back(std::move(logged.truth));
+    }
+    if (truths_.empty()) {
+      throw std::runtime_error(fmt::format("{}: holds nothing of the time of {}", path, run_.name));
+    }
+  }
+
+  void ReadTruths() {
+    for (const truth_t& truth : truths_) {
+      const double t = Seconds(truth.time_ns - zero_ns_);
+      if (!run_.truth.empty() && t <= run_.truth.back().time_s) continue;
+      std::vector<double> position, velocity, torque;
+      for (const std::string& name : configuration_.joints) {
+        const auto joint = std::find_if(truth.joints.begin(), truth.joints.end(),
+                                        [&name](const joint_truth_t& j) { return j.name == name; });
+        if (joint == truth.joints.end()) {
+          throw std::runtime_error(fmt::format("{}: its truth has no joint '{}'", run_.name, name));
+        }
+        position.push_back(joint->position_rad);
+        velocity.push_back(joint->velocity_rad_s);
+        torque.push_back(joint->torque_nm);
+      }
+      ReportSample sample = paths_.Pose({truth.root_x_m, truth.root_z_m, truth.root_pitch_rad},
+                                        position, PassiveOf(truth, paths_.passive_names()));
+      sample.time_s = t;
+      sample.joint_velocities_rad_s = velocity;
+      sample.joint_torques_nm = torque;
+      run_.truth.push_back(std::move(sample));
+      events_.TakeTruth(t, truth);
+    }
+    truths_.clear();
+  }
+
+  FlightRecord& record_;
+  const RecordConfiguration& configuration_;
+  SequenceFile motion_;
+  Assembly assembly_;
+  RobotPaths paths_;
+  RunEvents events_;
+  RunData run_;
+  std::int64_t zero_ns_ = 0;
+  std::int64_t index_before_ = 0;
+  std::int64_t send_before_ns_ = 0;
+  bool in_band_ = false;
+  std::vector<truth_t> truths_;
+};
+
+}  // namespace
+
+RunData ReadRun(const std::string& path, const std::string& truth_log) {
+  const MappedFile file(path);
+  FlightRecord record(file.bytes(), path);
+  return RunReader(record, truth_log).Take();
+}
+
+}  // namespace tumbler

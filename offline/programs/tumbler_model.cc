@@ -1,0 +1,670 @@
+// tumbler-model: shows the content of a robot file, and evaluates its equations of motion.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "common/core/functions.h"
+#include "common/core/index.h"
+#include "common/files/command_line.h"
+#include "common/files/printable.h"
+#include "common/files/program.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/hybrid_dynamics.h"
+#include "offline/model/mjcf.h"
+#include "offline/model/planar_robot.h"
+#include "offline/model/robot.h"
+#include "offline/model/robot_review.h"
+#include "offline/model/urdf_source.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  usable
+  1  wrong usage, or a file or state that cannot be used)";
+
+using Dynamics = HybridDynamics<Spatial>;
+
+/// A free degree of freedom counts as undetermined when less than this fraction of its inertia is
+/// left once those before it may move. Fewer than three digits of its acceleration would be right.
+constexpr double kUndetermined = 1e-12;
+
+constexpr std::array kRoots = {
+    std::pair{"planar-xz", RootKind::kPlanarXz}, std::pair{"fixed", RootKind::kFixed},
+    std::pair{"hinge-y", RootKind::kHingeY}, std::pair{"floating", RootKind::kFloating}};
+
+struct Arguments {
+  std::string robot;
+  std::string root = "planar-xz";
+  std::string prescribed;
+  std::string locked;
+  std::vector<double> gravity;
+  double velocity = 0;  ///< 0: not given.
+  bool derivatives = false;
+};
+
+RootKind RootOf(const Arguments& arguments) {
+  RootKind root = RootKind::kPlanarXz;
+  for (const auto& [name, kind] : kRoots) {
+    if (arguments.root == name) root = kind;
+  }
+  return root;
+}
+
+/// The joints of `--locked`.
+LockedJoints LockedOf(const Arguments& arguments) {
+  LockedJoints locked;
+  const std::string& list = arguments.locked;
+  for (std::size_t begin = 0; begin < list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string entry = list.substr(begin, end - begin);
+    begin = end + 1;
+    const std::size_t equals = entry.rfind('=');
+    double position = 0;
+    const char* const last = entry.data() + entry.size();
+    const bool number = equals != std::string::npos &&
+                        std::from_chars(entry.data() + equals + 1, last, position).ptr == last &&
+                        equals + 1 < entry.size() && std::isfinite(position);
+    if (!number) {
+      throw UsageError(
+          "--locked",
+          fmt::format("has '{}'; allowed, separated by commas: JOINT=POSITION, a finite "
+                      "number [rad, m]",
+                      entry));
+    }
+    locked[entry.substr(0, equals)] = position;
+  }
+  return locked;
+}
+
+/// Checks that the joints which were to be locked are there, and may be where they are.
+void CheckLocked(const Robot& robot, const LockedJoints& asked) {
+  for (const auto& [name, position] : asked) {
+    const auto found = std::ranges::find(robot.locked, name, &LockedJoint::name);
+    if (found == robot.locked.end()) {
+      throw UsageError("--locked",
+                       fmt::format("'{}' is no joint of {} that moves", name, robot.file));
+    }
+    if (position != found->position_rad) {
+      throw UsageError("--locked",
+                       fmt::format("{} is {}, but it follows {}, with which it is at {}; "
+                                   "leave it out",
+                                   name, position, found->with, found->position_rad));
+    }
+    if (position < found->limits.lower_rad || position > found->limits.upper_rad) {
+      throw UsageError("--locked", fmt::format("{} is {}; allowed: {:g} ... {:g}", name, position,
+                                               found->limits.lower_rad, found->limits.upper_rad));
+    }
+  }
+}
+
+Robot LoadRobot(const Arguments& arguments) {
+  const std::string text = ReadTextFile(arguments.robot);
+  const LockedJoints locked = LockedOf(arguments);
+  Robot robot = ParseRobot(text, arguments.robot, RootOf(arguments), locked);
+  CheckLocked(robot, locked);
+  const UrdfSource source(text, arguments.robot);
+  for (const RoundedAngle& angle : source.rounded_angles()) {
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", arguments.robot, angle.line, angle.key,
+               Describe(angle));
+  }
+  for (const RobotFinding& note : source.notes())
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", robot.file, note.line, note.key, note.problem);
+  return robot;
+}
+
+void FlushOutput() {
+  errno = 0;
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    throw std::runtime_error(
+        fmt::format("standard output: {}", std::generic_category().message(errno)));
+  }
+}
+
+// ---- check --------------------------------------------------------------------------------------
+
+std::string KindOf(const Robot& robot, std::size_t j) {
+  if (robot.joints[j].continuous) return "continuous";
+  return robot.tree.dofs[j].kind == JointKind::kRevolute ? "revolute" : "prismatic";
+}
+
+/// A number for a table. Numbers that are zero but for the rounding of rotations become 0.
+std::string Short(double value) {
+  return fmt::format("{:.4g}", std::abs(value) < 1e-12 ? 0 : value);
+}
+
+void PrintDegreesOfFreedom(const Robot& robot) {
+  fmt::print("degrees of freedom: {}\n", robot.tree.dofs.size());
+  fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", "name", "kind",
+             "axis at zero", "lower", "upper", "velocity", "effort", "damping", "friction",
+             "moves");
+  for (const int dof : robot.file_order) {
+    const std::size_t j = Index(dof);
+    const Dof<Spatial>& d = robot.tree.dofs[j];
+    const SpaceVector& axis = d.kind == JointKind::kRevolute ? d.axis : d.direction;
+    const RobotJointLimits& limits = robot.joints[j].limits;
+    fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", d.name,
+               KindOf(robot, j),
+               fmt::format("({}, {}, {})", Short(axis.x()), Short(axis.y()), Short(axis.z())),
+               Short(limits.lower_rad), Short(limits.upper_rad), Short(limits.velocity_rad_s),
+               Short(limits.effort_nm), Short(d.damping_nm_s_per_rad),
+               Short(robot.joints[j].dry_friction_nm), robot.joints[j].link);
+  }
+  fmt::print(
+      "  (rad, rad/s, N m, N m s/rad, N m; prismatic: m, m/s, N, N s/m, N; axes in the root's "
+      "frame)\n");
+  for (const LockedJoint& joint : robot.locked) {
+    fmt::print("  {:<20} locked at {}{}\n", joint.name, Short(joint.position_rad),
+               joint.with.empty() ? "" : fmt::format(", with {}", joint.with));
+  }
+  const bool rubs = std::any_of(robot.joints.begin(), robot.joints.end(),
+                                [](const RobotJoint& joint) { return joint.dry_friction_nm > 0; });
+  if (rubs) {
+    fmt::print(
+        "  Damping is in plans and in the twin. Dry friction is in the twin, and in plans whose "
+        "task "
+        "has [motor].\n");
+  }
+}
+
+void PrintMasses(const Robot& robot) {
+  fmt::print("masses [kg]:\n");
+  double moving = 0;
+  double at_rest = 0;
+  for (const RobotLink& link : robot.links) {
+    (link.body < 0 ? at_rest : moving) += link.mass_kg;
+    fmt::print("  {:<20} {:>12.6g}  {}\n", link.name, link.mass_kg,
+               link.body < 0 ? std::string("fixed to the world")
+                             : fmt::format("moved by {}", robot.tree.dofs[Index(link.body)].name));
+  }
+  fmt::print("  {:<20} {:>12.6g}\n", "total, moving", moving);
+  if (robot.root == RootKind::kFixed)
+    fmt::print("  {:<20} {:>12.6g}\n", "fixed to the world", at_rest);
+}
+
+void PrintFinding(const Robot& robot, const RobotFinding& finding, std::string_view kind) {
+  fmt::print("{}:{}: {}: {}: {}\n", robot.file, finding.line, finding.key, kind, finding.problem);
+}
+
+/// Prints the degrees of freedom that cannot be free, at least where all positions are zero.
+void PrintUndetermined(const Robot& robot) {
+  const auto print = [&robot](std::size_t j, std::string_view problem) {
+    const RobotLink* const link = robot.FindLink(robot.joints[j].link);
+    PrintFinding(robot,
+                 {link == nullptr ? 0 : link->line, fmt::format("link '{}'", robot.joints[j].link),
+                  fmt::format("degree of freedom '{}' {}", robot.tree.dofs[j].name, problem)},
+                 "warning");
+  };
+  bool all_move_mass = true;
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    if (robot.MovesMass(static_cast<int>(j))) continue;
+    all_move_mass = false;
+    print(j,
+          "moves no mass: it can only be prescribed; give the link, or one that it carries, an "
+          "<inertial>");
+  }
+  if (!all_move_mass || robot.tree.dofs.size() > Index(Spatial::kMaxDofs)) return;
+  Dynamics dynamics(robot.tree);
+  const std::vector<double> zero(robot.tree.dofs.size());
+  std::vector<double> qdd = zero, tau = zero;
+  dynamics.SetState(zero, zero);
+  dynamics.Solve(qdd, tau);
+  if (const int j = dynamics.FindUndetermined(kUndetermined); j >= 0) {
+    print(Index(j),
+          "has no inertia of its own at zero positions with all others free: its acceleration is "
+          "not determined there unless it, or one that does the same, is prescribed");
+  }
+}
+
+void PrintFindings(const Robot& robot, const std::vector<RobotFinding>& findings) {
+  for (const RobotFinding& finding : findings)
+    fmt::print("    {}:{}: {}: {}\n", robot.file, finding.line, finding.key, finding.problem);
+}
+
+/// Whether a task takes the robot, and what it needs for that.
+void PrintUse(const RobotReview& review) {
+  const Robot& robot = *review.robot;
+  fmt::print("can be looked at: yes\n");
+  if (robot.root == RootKind::kFloating) {
+    fmt::print("can be planned: no, a task's root is planar-xz, fixed or hinge-y\n");
+    return;
+  }
+  if (review.obstacles.empty() && review.CanBePlanned()) {
+    if (review.touches) {
+      fmt::print("can be planned: yes, tumbler-optimize takes it\n");
+    } else {
+      fmt::print(
+          "can be planned: only where it touches nothing (obstacle = []); to touch anything it "
+          "needs "
+          "collision shapes: spheres, cylinders, capsules or boxes\n");
+    }
+    const std::string through = LinksWithoutContact(ReduceToPlane(robot));
+    if (review.touches && !through.empty())
+      fmt::print("note: no collision shape, so passes through the ground: {}\n", through);
+    return;
+  }
+  fmt::print("can be planned: not yet{}\n", review.obstacles.empty() ? "" : "; in the way:");
+  PrintFindings(robot, review.obstacles);
+  if (!review.to_lock.empty()) {
+    fmt::print(
+        "  joints that no task moves, for the task (or lock them where you want them):\n    {}\n",
+        LockedAsToml(review.to_lock));
+    fmt::print("  joints left with these locked: {}\n",
+               review.joints_left.empty() ? "none"
+                                          : fmt::format("{}", fmt::join(review.joints_left, ", ")));
+  }
+  if (review.joints_left.empty()) fmt::print("  it needs a joint that moves in the x-z plane\n");
+  if (const std::size_t more = review.TooMany(); more > 0) {
+    fmt::print(
+        "  it needs {} more of these {} joints locked: a task moves up to {}, and has up to {} "
+        "coordinates with its root\n    {}\n",
+        more, review.joints_left.size(), RobotReview::kMostMoved, Plane::kMaxDofs,
+        fmt::join(review.joints_left, ", "));
+  }
+  if (!review.to_lock.empty() && !review.left.empty()) {
+    fmt::print("  with these joints locked it still needs another file:\n");
+    PrintFindings(robot, review.left);
+  }
+  if (!review.touches) {
+    fmt::print(
+        "  to touch anything it needs collision shapes: spheres, cylinders, capsules or boxes\n");
+  }
+  if (review.CanBePlanned()) {
+    fmt::print("can be planned with these joints locked: {}\n",
+               review.touches ? "yes" : "only where it touches nothing (obstacle = [])");
+  }
+}
+
+ExitStatus Check(const Arguments& arguments) {
+  const std::string text = ReadTextFile(arguments.robot);
+  const LockedJoints locked = LockedOf(arguments);
+  const RobotReview review = ReviewRobot(text, arguments.robot, RootOf(arguments), locked);
+  for (const RobotFinding& mistake : review.mistakes) {
+    fmt::print(
+        stderr, "error: {}\n",
+        Printable(FileError(arguments.robot, mistake.line, mistake.key, mistake.problem).what()));
+  }
+  if (!review.robot) return ExitStatus::kUnusable;
+  const Robot& robot = *review.robot;
+  CheckLocked(robot, locked);
+  for (const RobotFinding& note : review.notes)
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", robot.file, note.line, note.key, note.problem);
+  fmt::print("robot '{}', root link '{}' {}\n", robot.name, robot.links.front().name,
+             robot.root == RootKind::kFixed      ? "fixed to the world"
+             : robot.root == RootKind::kPlanarXz ? "free in the x-z plane"
+             : robot.root == RootKind::kHingeY   ? "hung from a bar along y"
+                                                 : "free in space");
+  PrintDegreesOfFreedom(robot);
+  PrintMasses(robot);
+  for (const RobotFinding& finding : robot.findings) PrintFinding(robot, finding, "warning");
+  PrintUndetermined(robot);
+  for (const IgnoredShape& shape : review.ignored_shapes) {
+    PrintFinding(
+        robot,
+        {shape.line, fmt::format("link '{}'", shape.link), shape.reason + ": contact ignores it"},
+        "note");
+  }
+  PrintUse(review);
+  FlushOutput();
+  return ExitStatus::kDone;
+}
+
+// ---- hybrid -------------------------------------------------------------------------------------
+
+/// The degree of freedom with this name. A joint goes before a coordinate of the root.
+int FindCoordinate(const Robot& robot, std::string_view name) {
+  const int joint = robot.FindDof(name);
+  if (joint >= 0) return joint;
+  for (int j = 0; j < robot.root_dofs; ++j) {
+    if (robot.tree.dofs[Index(j)].name == name) return j;
+  }
+  return -1;
+}
+
+void Prescribe(Robot& robot, const std::string& list) {
+  for (std::size_t begin = 0; begin < list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string name = list.substr(begin, end - begin);
+    begin = end + 1;
+    const int j = FindCoordinate(robot, name);
+    if (j < 0) {
+      std::string names;
+      for (const int dof : robot.file_order)
+        names += (names.empty() ? "" : ", ") + robot.tree.dofs[Index(dof)].name;
+      throw std::invalid_argument(
+          fmt::format("--prescribed: '{}' is no joint that moves; allowed, separated by commas: {}",
+                      name, names));
+    }
+    if (robot.root == RootKind::kHingeY && j < 2) {
+      throw std::invalid_argument(fmt::format(
+          "--prescribed: '{}' is held by the bar and always prescribed; leave it out", name));
+    }
+    if (robot.tree.dofs[Index(j)].prescribed)
+      throw std::invalid_argument(fmt::format("--prescribed: '{}' is there twice", name));
+    robot.tree.dofs[Index(j)].prescribed = true;
+  }
+  for (const int j : robot.file_order) {
+    const Dof<Spatial>& dof = robot.tree.dofs[Index(j)];
+    if (dof.prescribed || robot.MovesMass(j)) continue;
+    const std::string& link = robot.joints[Index(j)].link;
+    throw FileError(robot.file, robot.FindLink(link)->line, fmt::format("link '{}'", link),
+                    fmt::format("degree of freedom '{}' moves no mass; give the link, or one that "
+                                "it carries, an <inertial>, or prescribe it (--prescribed)",
+                                dof.name));
+  }
+}
+
+/// Thrown when a state of the robot, or its result, cannot be used.
+class StateError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// The blank-separated parts of a line, without its comment.
+std::vector<std::string_view> Split(std::string_view line) {
+  constexpr std::string_view kBlanks = " \t\r\f\v";
+  std::vector<std::string_view> parts;
+  for (;;) {
+    const std::size_t begin = line.find_first_not_of(kBlanks);
+    if (begin == std::string_view::npos || line[begin] == '#') return parts;
+    line.remove_prefix(begin);
+    const std::size_t end = std::min(line.find_first_of(kBlanks), line.size());
+    parts.push_back(line.substr(0, end));
+    line.remove_prefix(end);
+  }
+}
+
+/// Evaluates hybrid dynamics of a robot, with the coordinates in the order of the file.
+class HybridPrinter {
+ public:
+  HybridPrinter(Robot robot, bool derivatives)
+      : robot_(std::move(robot)), derivatives_wanted_(derivatives), dynamics_(robot_.tree) {
+    const std::size_t n = robot_.tree.dofs.size();
+    q_.resize(n);
+    qd_.resize(n);
+    qdd_.resize(n);
+    tau_.resize(n);
+    for (const int j : robot_.file_order) {
+      if (!robot_.tree.dofs[Index(j)].prescribed) outputs_.push_back(j);
+    }
+    for (const int j : robot_.file_order) {
+      if (robot_.tree.dofs[Index(j)].prescribed) prescribed_.push_back(j);
+    }
+    outputs_.insert(outputs_.end(), prescribed_.begin(), prescribed_.end());
+  }
+
+  /// The line of results for a line that holds a state. @throws StateError.
+  std::string Evaluate(const std::vector<std::string_view>& parts) {
+    Read(parts);
+    dynamics_.SetState(q_, qd_);
+    for (const Force& force : forces_) {
+      if (force.body < 0) continue;
+      dynamics_.AddWrench(force.body,
+                          Spatial::ForceAt(force.point - dynamics_.origin(), force.force));
+    }
+    dynamics_.Solve(qdd_, tau_);
+    if (const int j = dynamics_.FindUndetermined(kUndetermined); j >= 0) FailUndetermined(j);
+    std::string out;
+    for (const int j : outputs_) {
+      const bool given = robot_.tree.dofs[Index(j)].prescribed;
+      Append(out, given ? tau_[Index(j)] : qdd_[Index(j)]);
+    }
+    if (derivatives_wanted_) {
+      Differentiate();
+      for (const auto* block : {&derivatives_.q, &derivatives_.qd, &derivatives_.input}) {
+        for (const int i : outputs_) {
+          for (const int j : robot_.file_order) Append(out, (*block)[Index(i)][Index(j)]);
+        }
+      }
+    }
+    out.push_back('\n');
+    return out;
+  }
+
+ private:
+  struct Force {
+    int body;
+    SpaceVector force, point;  // world
+  };
+  static constexpr std::size_t kForceParts = 7;
+  static constexpr std::array kForceNames = {"fx", "fy", "fz", "px", "py", "pz"};
+
+  [[nodiscard]] const std::string& NameOf(int dof) const {
+    return robot_.tree.dofs[Index(dof)].name;
+  }
+
+  /// The meaning of the value at a place of the line.
+  [[nodiscard]] std::string Meaning(std::size_t place) const {
+    const std::size_t n = q_.size();
+    if (place < n) return fmt::format("position of '{}'", NameOf(robot_.file_order[place]));
+    if (place < 2 * n) return fmt::format("velocity of '{}'", NameOf(robot_.file_order[place - n]));
+    place -= 2 * n;
+    if (place < prescribed_.size())
+      return fmt::format("acceleration of '{}'", NameOf(prescribed_[place]));
+    place -= prescribed_.size();
+    return fmt::format("{} of force {}", kForceNames[place % kForceParts], place / kForceParts + 1);
+  }
+
+  [[nodiscard]] double Number(const std::vector<std::string_view>& parts, std::size_t place) const {
+    std::string_view text = parts[place];
+    if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
+      throw StateError(fmt::format("value {}, the {}, is '{}'; expected a finite number", place + 1,
+                                   Meaning(place), parts[place]));
+    }
+    return value;
+  }
+
+  void Read(const std::vector<std::string_view>& parts) {
+    const std::size_t n = q_.size();
+    const std::size_t state = 2 * n + prescribed_.size();
+    if (parts.size() < state || (parts.size() - state) % kForceParts != 0) {
+      throw StateError(fmt::format(
+          "has {} values; expected {}: {} positions, {} velocities, {} prescribed accelerations; "
+          "and 7 more for each force: fx fy fz px py pz link",
+          parts.size(), state, n, n, prescribed_.size()));
+    }
+    std::size_t place = 0;
+    for (std::vector<double>* values : {&q_, &qd_}) {
+      for (const int j : robot_.file_order) (*values)[Index(j)] = Number(parts, place++);
+    }
+    std::fill(tau_.begin(), tau_.end(), 0.0);
+    for (const int j : prescribed_) qdd_[Index(j)] = Number(parts, place++);
+    forces_.clear();
+    while (place < parts.size()) {
+      Force force{};
+      for (SpaceVector* vector : {&force.force, &force.point}) {
+        for (int i = 0; i < 3; ++i) (*vector)[i] = Number(parts, place++);
+      }
+      const RobotLink* const link = robot_.FindLink(parts[place]);
+      if (link == nullptr) {
+        std::string names;
+        for (const RobotLink& known : robot_.links)
+          names += (names.empty() ? "" : ", ") + known.name;
+        throw StateError(fmt::format("value {}, the link of force {}, is '{}'; expected one of: {}",
+                                     place + 1, forces_.size() + 1, parts[place], names));
+      }
+      force.body = link->body;
+      ++place;
+      forces_.push_back(force);
+    }
+  }
+
+  /// Forces are constant in world axes; their points move with the links.
+  void Differentiate() {
+    for (const Force& force : forces_) {
+      if (force.body < 0) continue;
+      const SpaceVector point = force.point - dynamics_.origin();
+      const Spatial::Wrench wrench = Spatial::ForceAt(point, force.force);
+      Spatial::WrenchMap stiffness;
+      for (std::size_t m = 0; m < stiffness.columns.size(); ++m) {
+        const Spatial::Motion u = Spatial::BasisMotion(m);
+        Spatial::Wrench change;
+        change.n = Spatial::Moment(u.At(point), force.force);
+        stiffness.columns[m] = change - Spatial::Cross(u, wrench);
+      }
+      dynamics_.AddWrenchDerivative(force.body, stiffness, {});
+    }
+    dynamics_.Differentiate(derivatives_);
+  }
+
+  [[noreturn]] void FailUndetermined(int j) const {
+    constexpr int kRoll = 4, kYaw = 5;
+    if (robot_.root == RootKind::kFloating && j == kYaw &&
+        std::abs(portable::Cos(q_[kRoll])) < 1e-4) {
+      throw StateError(fmt::format(
+          "roll = {:.9g} rad is too near to +-pi/2, where yaw turns about the axis of pitch and "
+          "the root's coordinates are singular; expected |cos(roll)| above about 1e-6: describe "
+          "this "
+          "attitude with another frame of the root link",
+          q_[kRoll]));
+    }
+    throw StateError(fmt::format(
+        "the acceleration of '{}' is not determined in this state: with the free degrees of "
+        "freedom before it, it moves no mass of its own; prescribe one of them, or give the links "
+        "between them an <inertial>",
+        NameOf(j)));
+  }
+
+  void Append(std::string& out, double value) const {
+    if (!std::isfinite(value))
+      throw StateError("its result is not a finite number; expected smaller values");
+    if (!out.empty()) out.push_back(' ');
+    out += fmt::format("{:.17g}", value);
+  }
+
+  Robot robot_;
+  bool derivatives_wanted_;
+  Dynamics dynamics_;
+  Dynamics::Derivatives derivatives_;
+  std::vector<double> q_, qd_, qdd_, tau_;  // of each degree of freedom
+  std::vector<int> prescribed_;             // in the file's order
+  std::vector<int> outputs_;                // free ones, then prescribed ones
+  std::vector<Force> forces_;
+};
+
+ExitStatus Hybrid(const Arguments& arguments) {
+  Robot robot = LoadRobot(arguments);
+  if (robot.tree.dofs.size() > Index(Spatial::kMaxDofs)) {
+    throw FileError(
+        robot.file, 0, "",
+        fmt::format("the robot has {} coordinates; its dynamics are evaluated with up to "
+                    "{}: lock some joints (--locked)",
+                    robot.tree.dofs.size(), Spatial::kMaxDofs));
+  }
+  Prescribe(robot, arguments.prescribed);
+  if (!arguments.gravity.empty()) {
+    robot.tree.gravity =
+        SpaceVector(arguments.gravity[0], arguments.gravity[1], arguments.gravity[2]);
+    if (!robot.tree.gravity.allFinite())
+      throw std::invalid_argument("--gravity: allowed: three finite numbers");
+  }
+  for (const RobotFinding& finding : robot.findings) {
+    fmt::print(stderr, "{}:{}: {}: warning: {}\n", robot.file, finding.line, finding.key,
+               finding.problem);
+  }
+  HybridPrinter printer(std::move(robot), arguments.derivatives);
+  std::string line;
+  for (std::size_t number = 1; std::getline(std::cin, line); ++number) {
+    const std::vector<std::string_view> parts = Split(line);
+    if (parts.empty()) continue;
+    std::string result;
+    try {
+      result = printer.Evaluate(parts);
+    } catch (const StateError& error) {
+      throw FileError("standard input", static_cast<std::uint32_t>(number), "", error.what());
+    }
+    std::fputs(result.c_str(), stdout);
+    FlushOutput();  // A program that asks line by line waits for the answer.
+  }
+  if (std::cin.bad() || std::ferror(stdin) != 0)
+    throw std::runtime_error("standard input: cannot be read");
+  return ExitStatus::kDone;
+}
+
+ExitStatus Urdf(const Arguments& arguments) {
+  std::optional<double> velocity;
+  if (arguments.velocity > 0) velocity = arguments.velocity;
+  const MjcfRobot robot = ReadMjcf(arguments.robot, velocity);
+  for (const std::string& note : robot.notes) fmt::print(stderr, "note: {}\n", Printable(note));
+  fmt::print("{}", robot.urdf);
+  FlushOutput();
+  return ExitStatus::kDone;
+}
+
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line("Shows what a robot file (URDF) holds, and evaluates its equations of motion.",
+                   "tumbler-model");
+  line.SetFooter(kExitCodes);
+  line.RequireSubcommand();
+  CommandLine check = line.Subcommand("check",
+                                      "Degrees of freedom, masses, and everything that stands in "
+                                      "the way of a task with it, at once");
+  CommandLine hybrid = line.Subcommand(
+      "hybrid",
+      "Hybrid dynamics (tau_a, qdd_p) = g(q, qd, qdd_a) of states from standard input.\n\n"
+      "One state a line; blank lines and what follows # are skipped:\n"
+      "  q, qd        positions and velocities of all coordinates: the root's (planar-xz: x z "
+      "pitch;\n"
+      "               floating: x y z pitch roll yaw), then movable joints in the file's order\n"
+      "  qdd_a        accelerations of the prescribed ones, in that order\n"
+      "  and any number of forces: fx fy fz px py pz LINK, a force [N] on the named link at a "
+      "point [m],\n"
+      "               both in world axes\n"
+      "One line of results each, 17 digits: accelerations of the free ones, then forces or torques "
+      "of the\n"
+      "prescribed ones. With --derivatives three matrices follow on the line, row by row: the "
+      "partial\n"
+      "derivatives of these results (rows) by q, by qd, and by the inputs (columns, all "
+      "coordinates in order;\n"
+      "the input of a free one is the force or torque on it, that of a prescribed one its "
+      "acceleration).\n"
+      "Forces stay constant in world axes then, and their points move with the links.\n"
+      "Free joints have no force of their own but the damping of the file.");
+  CommandLine urdf = line.Subcommand(
+      "urdf", "Writes a robot of MJCF, which MuJoCo reads, as a URDF to standard output");
+  urdf.Option("ROBOT", arguments.robot, "Robot file (MJCF)").Required();
+  urdf.Option("--velocity", arguments.velocity,
+              "Limit of all joints [rad/s, m/s], of which MJCF has none; a task needs one")
+      .Within(1e-3, 1e3);
+  for (CommandLine command : {check, hybrid}) {
+    command.Option("ROBOT", arguments.robot, "Robot file (URDF)").Required();
+    command.Option("--root", arguments.root, "How the root link is held")
+        .OneOf({"planar-xz", "fixed", "hinge-y", "floating"})
+        .ShowDefault();
+    command.Option("--locked", arguments.locked,
+                   "Joints that are held, and where [rad, m]: JOINT=POSITION, separated by commas");
+  }
+  hybrid.Option("--prescribed", arguments.prescribed,
+                "Joints (or coordinates of the root) whose acceleration is given, separated "
+                "by commas; the others are free");
+  hybrid.Flag("--derivatives", arguments.derivatives, "Print the partial derivatives as well");
+  hybrid.Option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
+      .TakesValues(3, "X Y Z");
+  line.Parse(argc, argv);
+  if (urdf.given()) return Urdf(arguments);
+  return check.given() ? Check(arguments) : Hybrid(arguments);
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

@@ -1,0 +1,333 @@
+// tumbler-optimize: makes a primitive file from a task file.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "common/files/command_line.h"
+#include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/result_json.h"
+#include "offline/certify/result_text.h"
+#include "offline/certify/task_result.h"
+#include "offline/pages/motion_report.h"
+#include "offline/pages/report.h"
+#include "offline/problem/task_toml.h"
+#include "offline/solve/guess.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0    found
+  1    wrong usage, or a file that cannot be used or written: nothing was written
+  2    no motion was found (of one of the tasks) that keeps the limits and reaches the targets of its cost
+  130  interrupted)";
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::vector<std::string> tasks;
+  std::string start_from;
+  std::string guess;
+  std::vector<std::string> complement;  ///< Primitives that are tried before.
+  std::string out;
+  std::string report;
+  std::string json;
+  std::optional<std::uint64_t> seed;
+  int threads = 1;
+  int minima = 0;  ///< Number of starts that are solved to their end for the table; 0: no table.
+  bool keep_best = false;
+  bool quiet = false;
+};
+
+/// Evaluations with which a solve converges. The shipped tasks need 100 (roll) to 1200 (handstand).
+constexpr int kEvaluationsToConverge = 2000;
+
+Task Load(const Arguments& arguments, const std::string& path) {
+  Task task = arguments.start_from.empty()
+                  ? LoadTask(path)
+                  : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
+  Problem& problem = task.problem;
+  if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
+  CheckGuess(task);
+  for (const std::string& other : arguments.complement)
+    TakeComplement(task, LoadPrimitive(other), other);
+  if (arguments.seed) problem.search.seed = *arguments.seed;
+  if (arguments.minima > 0) {
+    // This many motions are solved, each from a start of its own and until it converges. A motion
+    // that ends early is no minimum, and two that end early never look the same.
+    problem.solver.max_evaluations =
+        std::max(problem.solver.max_evaluations, kEvaluationsToConverge);
+    problem.solver.finalists = arguments.minima;
+    problem.search.refine = std::max(problem.search.refine, arguments.minima);
+  }
+  return task;
+}
+
+WorkSettings SettingsOf(const Arguments& arguments, std::atomic<bool>& end_requested) {
+  WorkSettings settings;
+  settings.threads = arguments.threads;
+  settings.minima = arguments.minima > 0;
+  settings.keep_best = arguments.keep_best;
+  settings.quiet = arguments.quiet;
+  settings.interrupt = &end_requested;
+  return settings;
+}
+
+void Flush(std::FILE* stream) {
+  if (std::fflush(stream) != 0) {
+    throw std::runtime_error(
+        fmt::format("standard output: {}", std::generic_category().message(errno)));
+  }
+}
+
+/// The data of the page of a result. @pre the result has a file.
+ReportData PageOf(const TaskResult& result) {
+  ReportData data = MakeReportData(result.task, result.outcome, result.best, *result.file);
+  if (result.minima.empty()) return data;
+  const std::vector<std::vector<std::string>> table = MinimaTable(result);
+  data.minima = {table.front(), {table.begin() + 1, table.end()}};
+  return data;
+}
+
+ExitStatus OptimizeOne(const Arguments& arguments) {
+  std::vector<std::string> inputs = {arguments.tasks.front()};
+  Task task = Load(arguments, arguments.tasks.front());
+  for (const std::string& path : {arguments.start_from, arguments.guess}) {
+    if (!path.empty()) inputs.push_back(path);
+  }
+  inputs.insert(inputs.end(), arguments.complement.begin(), arguments.complement.end());
+  inputs.push_back(task.robot_file);
+  std::vector<std::string> files;
+  for (const std::string& path : {arguments.out, arguments.json}) {
+    if (!path.empty() && path != "-") files.push_back(path);
+  }
+  for (const std::string& path : files) CheckWritable(path);
+  if (!arguments.report.empty()) {
+    CheckFolderWritable(arguments.report);
+    files.push_back((fs::path(arguments.report) / "index.html").string());
+  }
+  CheckDistinct(inputs, files);
+  PrintNotes(task);
+  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
+
+  std::atomic<bool>& end_requested = EndOnSignals();
+  const TaskResult result = WorkOn(std::move(task), SettingsOf(arguments, end_requested));
+  if (arguments.minima > 0) PrintMinima(people, result);
+  const auto drop = [&] {
+    fmt::print(stderr, "interrupted: {}; no file was written\n",
+               arguments.keep_best ? "no motion was found so far: " + result.cause
+                                   : "the best motion so far is dropped (--keep-best keeps it)");
+    return ExitStatus::kInterrupted;
+  };
+  if (result.outcome.interrupted) {
+    if (!result.file) return drop();
+  } else if (!result.usable) {
+    fmt::print(stderr, "no motion was found: {}\nno file was written\n", result.cause);
+    return ExitStatus::kRefused;
+  }
+
+  const std::string text = ToToml(*result.file);
+  ParsePrimitive(text, "the new primitive");  // The text must read back.
+  std::optional<ReportData> report;
+  if (!arguments.report.empty()) report = PageOf(result);
+  if (end_requested && !arguments.keep_best) return drop();
+  IgnoreEndSignals();  // From here on, files are written whole.
+  const bool interrupted = end_requested;
+  if (interrupted)
+    fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
+
+  const std::string json = ToJson(result);
+  std::optional<PendingFile> primitive_file, json_file;
+  if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
+  if (!arguments.json.empty() && arguments.json != "-") json_file.emplace(arguments.json, json);
+  if (arguments.json == "-") fmt::print("{}", json);
+  Flush(stdout);
+  std::string page;
+  if (report) page = WriteReport(*report, arguments.report);
+  if (json_file) json_file->Commit();
+  if (primitive_file) primitive_file->Commit();
+
+  PrintMotion(people, result);
+  if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
+  if (!page.empty()) fmt::print(people, "  report {}\n", page);
+  Flush(people);
+  return interrupted ? ExitStatus::kInterrupted : ExitStatus::kDone;
+}
+
+// The following functions work on several tasks one after the other, and print a table that ranks
+// them. The primitive of each task is DIR/NAME.toml, its report REPORT/NAME.
+
+std::string PrimitiveOf(const Task& task, const Arguments& arguments) {
+  return (fs::path(arguments.out) / (task.problem.name + ".toml")).string();
+}
+std::string ReportOf(const Task& task, const Arguments& arguments) {
+  return (fs::path(arguments.report) / task.problem.name).string();
+}
+
+/// Loads the tasks, and checks that their names can be names of files.
+std::vector<Task> LoadSeveral(const Arguments& arguments) {
+  std::vector<Task> tasks;
+  std::map<std::string, std::string> file_of_name;
+  for (const std::string& path : arguments.tasks) {
+    const std::string& name = tasks.emplace_back(Load(arguments, path)).problem.name;
+    if (const auto [other, is_new] = file_of_name.emplace(name, path); !is_new) {
+      throw FileError(path, 0, "name",
+                      fmt::format("is '{}', like that of {}; tasks that are ranked need different "
+                                  "names",
+                                  name, other->second));
+    }
+    if (name.find('/') != std::string::npos || name.starts_with(".")) {
+      throw FileError(path, 0, "name",
+                      fmt::format("is '{}', which cannot name a file; allowed where several tasks "
+                                  "are ranked: no '/', and no '.' to begin with",
+                                  name));
+    }
+  }
+  return tasks;
+}
+
+/// Checks before the first task is worked on whether all results can be written.
+void CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
+  std::vector<std::string> inputs, outputs;
+  for (const std::string& folder : {arguments.out, arguments.report}) {
+    if (!folder.empty()) CheckFolderWritable(folder);
+  }
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    inputs.insert(inputs.end(), {arguments.tasks[i], tasks[i].robot_file});
+    if (!arguments.out.empty()) {
+      outputs.push_back(PrimitiveOf(tasks[i], arguments));
+      if (fs::exists(arguments.out)) CheckWritable(outputs.back());
+    }
+    if (!arguments.report.empty()) outputs.push_back(ReportOf(tasks[i], arguments) + "/index.html");
+  }
+  if (!arguments.json.empty() && arguments.json != "-") {
+    CheckWritable(arguments.json);
+    outputs.push_back(arguments.json);
+  }
+  CheckDistinct(inputs, outputs);
+}
+
+/// Writes the primitive and the report of a motion, and prints their names.
+void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& arguments) {
+  const std::string text = ToToml(*result.file);
+  ParsePrimitive(text, "the new primitive");  // The text must read back.
+  PrintMotion(people, result);
+  if (!arguments.report.empty()) {
+    fmt::print(people, "  report {}\n",
+               WriteReport(PageOf(result), ReportOf(result.task, arguments)));
+  }
+  if (arguments.out.empty()) return;
+  fs::create_directories(arguments.out);
+  const std::string path = PrimitiveOf(result.task, arguments);
+  PendingFile(path, text).Commit();
+  fmt::print(people, "  primitive {}\n", path);
+}
+
+ExitStatus OptimizeSeveral(const Arguments& arguments) {
+  if (!arguments.start_from.empty())
+    throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
+  if (!arguments.guess.empty())
+    throw std::invalid_argument("--guess: is for one task; give the tasks one at a time");
+  if (!arguments.complement.empty())
+    throw std::invalid_argument("--complement: is for one task; give the tasks one at a time");
+  std::vector<Task> tasks = LoadSeveral(arguments);
+  CheckResults(tasks, arguments);
+  for (const Task& task : tasks) PrintNotes(task);
+  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
+
+  std::atomic<bool>& end_requested = EndOnSignals();
+  std::vector<TaskResult> results;
+  for (Task& task : tasks) {
+    if (end_requested) break;
+    fmt::print(stderr, "{}\n", task.task_file);
+    results.push_back(WorkOn(std::move(task), SettingsOf(arguments, end_requested)));
+    if (arguments.minima > 0) PrintMinima(people, results.back());
+    if (results.back().file) WriteMotion(people, results.back(), arguments);
+  }
+
+  const std::vector<const TaskResult*> order = Ranked(results);
+  const std::string json = ToJson(order);
+  if (arguments.json == "-") {
+    fmt::print("{}", json);
+  } else if (!arguments.json.empty()) {
+    PendingFile(arguments.json, json).Commit();
+  }
+  PrintRanking(people, order);
+  Flush(stdout);
+  Flush(people);
+  if (end_requested) {
+    fmt::print(stderr, "interrupted: {} of {} tasks were worked on\n", results.size(),
+               tasks.size());
+    return ExitStatus::kInterrupted;
+  }
+  const bool all_found = std::ranges::all_of(
+      results, [](const TaskResult& result) { return result.file.has_value(); });
+  return all_found ? ExitStatus::kDone : ExitStatus::kRefused;
+}
+
+ExitStatus Optimize(const Arguments& arguments) {
+  if (!arguments.guess.empty() && (arguments.minima > 0 || arguments.seed)) {
+    throw UsageError("--guess",
+                     fmt::format("takes the place of the search that {} is about; leave one out",
+                                 arguments.seed ? "--seed" : "--minima"));
+  }
+  return arguments.tasks.size() == 1 ? OptimizeOne(arguments) : OptimizeSeveral(arguments);
+}
+
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line("Finds a motion for a task and writes it as a primitive.", "tumbler-optimize");
+  line.SetFooter(kExitCodes);
+  line.Option("TASK", arguments.tasks,
+              "Task file (TOML); several are worked on one by one, and ranked")
+      .Required();
+  line.Option("--start-from", arguments.start_from,
+              "Start where this primitive leaves the robot (its simulated exit), not in the "
+              "task's own start pose");
+  line.Option("--guess", arguments.guess,
+              "Solve from the paths of this primitive, and near them, without a search: of another "
+              "task, robot, ground, duration or number of control points");
+  line.Option("--complement", arguments.complement,
+              "Find the motion for the robots on which these primitives fail, which are tried "
+              "before it; for tasks with [robust]");
+  line.Option("--out", arguments.out,
+              "Write the primitive here; for several tasks the folder, for NAME.toml of each");
+  line.Seed(arguments.seed, "Seed of the global search, instead of the task's");
+  line.Option("--threads", arguments.threads, "Threads; the result does not depend on it")
+      .Within(1, 256)
+      .ShowDefault();
+  line.Option("--report", arguments.report,
+              "Write a page that shows the motion into this folder; for several tasks into "
+              "its folder NAME");
+  line.Option("--json", arguments.json,
+              "Write figures as JSON to this file, or to standard output for -");
+  line.Option("--minima", arguments.minima,
+              "Solve this many starts to the end, and show a table of all minima found")
+      .Within(1, 1000);
+  line.Flag("--keep-best", arguments.keep_best,
+            "When interrupted, still write the best motion so far");
+  line.Flag("--quiet", arguments.quiet, "No progress: only warnings and what was found");
+  line.Parse(argc, argv);
+  return Optimize(arguments);
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

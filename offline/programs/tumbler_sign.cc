@@ -1,0 +1,45 @@
+// tumbler-sign: makes a primitive that was changed by hand loadable again, and says in it that it
+// was.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <string>
+
+#include "common/files/command_line.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "common/files/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  signed
+  1  wrong usage, or a file that cannot be used or written: nothing was changed)";
+
+ExitStatus Main(int argc, char** argv) {
+  std::string primitive;
+  std::string reason;
+  CommandLine line(
+      "Signs a primitive that was changed by hand: margins and hashes become those of what it "
+      "says now, and its key provenance.edited says why it was changed. What the certificate says "
+      "of contact, torque and gradient stays that of the motion before the change.",
+      "tumbler-sign");
+  line.SetFooter(kExitCodes);
+  line.Option("PRIMITIVE", primitive, "Primitive file (TOML), which is replaced").Required();
+  line.Option("--because", reason, "Why it was changed, for those who will play it").Required();
+  line.Parse(argc, argv);
+  CheckWritable(primitive);
+  const std::string text = SignEdited(ReadTextFile(primitive), primitive, reason);
+  PendingFile(primitive, text).Commit();
+  fmt::print("{}: signed as changed by hand: {}\n", primitive, reason);
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

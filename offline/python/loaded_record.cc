@@ -1,0 +1,86 @@
+#include "offline/python/loaded_record.h"
+
+#include <memory>
+
+#include <tumbler/truth_t.hpp>
+
+#include "runtime/record/flight_record.h"
+#include "runtime/record/message_readers.h"
+#include "runtime/record/messages.h"
+#include "runtime/record/record_export.h"
+
+namespace tumbler {
+namespace {
+
+void AddTick(const state_t& state, const std::vector<std::string>& joints, ColumnTable& table) {
+  const auto append = [&table](const char* name, const auto& value) { table.Append(name, value); };
+  table.BeginRow();
+  ForEachTickColumn(state, append);
+  for (std::size_t j = 0; j < joints.size() && j < state.joints.size(); ++j) {
+    ForEachJointColumn([&](const JointField& field, auto in_message) {
+      table.Append(joints[j] + "_" + field.column, in_message(state.joints[j]));
+    });
+  }
+  ForEachSensorColumn(state, append);
+}
+
+void AddTruth(const truth_t& truth, ColumnTable& table) {
+  table.BeginRow();
+  table.Append("time_s", ColumnTime{truth.time_ns});
+  table.Append("root_x_m", truth.root_x_m);
+  table.Append("root_z_m", truth.root_z_m);
+  table.Append("root_pitch_rad", truth.root_pitch_rad);
+  table.Append("root_vx_m_s", truth.root_vx_m_s);
+  table.Append("root_vz_m_s", truth.root_vz_m_s);
+  table.Append("root_pitch_rate_rad_s", truth.root_pitch_rate_rad_s);
+  table.Append("held", truth.held);
+  table.Append("fallen", truth.fallen);
+  table.Append("falls", truth.falls);
+  table.Append("push_x_n", truth.push_x_n);
+  table.Append("push_z_n", truth.push_z_n);
+  table.Append("peak_penetration_m", truth.peak_penetration_m);
+  for (const joint_truth_t& joint : truth.joints) {
+    const auto append = [&](const char* column, const auto& value) {
+      table.Append(joint.name + "_" + column, value);
+    };
+    append("position_rad", joint.position_rad);
+    append("velocity_rad_s", joint.velocity_rad_s);
+    append("torque_nm", joint.torque_nm);
+    append("temperature_c", joint.temperature_c);
+    append("enabled", joint.enabled);
+    append("limp", joint.limp);
+  }
+}
+
+void AddTruths(const FlightRecord& record, ColumnTable& table) {
+  truth_t truth;
+  for (const auto bytes : record.truths()) {
+    if (ReadMessage(bytes, truth)) AddTruth(truth, table);
+  }
+}
+
+}  // namespace
+
+LoadedRecord LoadRecord(const std::string& path) {
+  const MappedFile file(path);
+  FlightRecord record(file.bytes(), path);
+  LoadedRecord loaded;
+  loaded.name = path;
+  loaded.joints = record.configuration().joints;
+  loaded.period_s = static_cast<double>(record.configuration().period_ns) * 1e-9;
+  const auto entry = std::make_unique<TickEntry>();
+  state_t state{};
+  while (record.Next(*entry)) {
+    AddTruths(record, loaded.truths);
+    FillState(ToTimedRecord(*entry), state);
+    AddTick(state, loaded.joints, loaded.ticks);
+  }
+  AddTruths(record, loaded.truths);
+  loaded.remarks = record.Remarks();
+  loaded.complete = record.end() && record.end()->lost == 0 && record.damages().empty() &&
+                    record.lost().empty() && !record.cut_off();
+  loaded.summary = Summary(record);
+  return loaded;
+}
+
+}  // namespace tumbler

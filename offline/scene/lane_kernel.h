@@ -1,0 +1,61 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "offline/scene/lane_robot.h"
+#include "offline/scene/packet.h"
+
+namespace tumbler {
+
+/// Lengths of the steps of a simulation in lanes.
+struct LaneSteps {
+  double tick_s = 1e-3;  ///< From one setpoint to the next.
+  int per_tick = 4;      ///< Integration steps in a tick.
+};
+
+/// The setpoints that the drives of a robot obey.
+template <class S>
+using HeldSetpoints = std::array<LaneSetpoint<S>, LaneModel::kMaxJoints>;
+
+/// What a simulation has seen since it began.
+template <class S>
+struct LaneWatch {
+  S depth{};                                      ///< Largest, in thicknesses of the layer.
+  std::array<S, LaneModel::kMaxJoints> torque{};  ///< Largest |torque| of each motor [N m].
+  S root_speed{};  ///< Largest of the root's velocities [m/s, rad/s].
+};
+
+/// The simulation of robots in lanes, compiled for one kind of vectors. All kinds give the same
+/// bits, those of the kernel for one robot.
+template <class S>
+struct LaneKernel {
+  /// "one robot", "SSE2", "AVX2" or "AVX-512"
+  const char* name;
+
+  /// Drives robots along setpoints, one for each joint and tick, joint by joint. A setpoint acts
+  /// from its tick and the joint's delay on; before that acts the one before, `held` at first. The
+  /// drive's law is that of MIT drives, at every integration step:
+  ///
+  ///   torque = kp (position - measured) + kd (velocity - measured) + feed-forward,
+  ///
+  /// within the limit. `held` is then the last setpoint. Steps are semi-implicit Euler's.
+  void (*drive)(const LaneModel& model, const LaneRobot<S>& robot, const LaneSteps& steps,
+                std::span<const LaneSetpoint<S>> setpoints, HeldSetpoints<S>& held,
+                LaneState<S>& state, LaneWatch<S>& watch);
+
+  /// Moves robots whose joints are prescribed exactly, as plans have them: setpoints are positions,
+  /// velocities and accelerations for each joint and step.
+  /// @param torques  gets the torques of the motors, one for each setpoint.
+  void (*prescribe)(const LaneModel& model, const LaneRobot<S>& robot, double step_s,
+                    std::span<const LaneSetpoint<S>> setpoints, LaneState<S>& state,
+                    LaneWatch<S>& watch, std::span<S> torques);
+};
+
+/// The kernel for one robot.
+const LaneKernel<double>& OneRobotKernel();
+/// The kernels for packets that this processor can run, the fastest first.
+std::vector<const LaneKernel<Packet>*> PacketKernels();
+
+}  // namespace tumbler

@@ -1,0 +1,17 @@
+// The lanes for processors with AVX2; compiled with the option that says so. What is compiled here
+// is in a namespace of its own, so that the linker never takes it for other processors.
+
+#define TUMBLER_LANES_NAMESPACE lanes_avx2
+#include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_steps.h"
+
+namespace tumbler {
+
+const LaneKernel<Packet>& Avx2Kernel();
+const LaneKernel<Packet>& Avx2Kernel() {
+  static constexpr LaneKernel<Packet> kernel{"AVX2", DriveLanes<Packet, Vectors<4>>,
+                                             PrescribeLanes<Packet, Vectors<4>>};
+  return kernel;
+}
+
+}  // namespace tumbler

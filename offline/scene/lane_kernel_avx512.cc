@@ -1,0 +1,17 @@
+// The lanes for processors with AVX-512; compiled with the option that says so. What is compiled
+// here is in a namespace of its own, so that the linker never takes it for other processors.
+
+#define TUMBLER_LANES_NAMESPACE lanes_avx512
+#include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_steps.h"
+
+namespace tumbler {
+
+const LaneKernel<Packet>& Avx512Kernel();
+const LaneKernel<Packet>& Avx512Kernel() {
+  static constexpr LaneKernel<Packet> kernel{"AVX-512", DriveLanes<Packet, Vectors<8>>,
+                                             PrescribeLanes<Packet, Vectors<8>>};
+  return kernel;
+}
+
+}  // namespace tumbler

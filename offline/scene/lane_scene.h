@@ -1,0 +1,32 @@
+#pragma once
+
+#include "offline/scene/lane_robot.h"
+#include "offline/scene/scene.h"
+
+namespace tumbler {
+
+/// What simulated drives of a joint have, as the twin's defaults have it.
+struct LaneDrive {
+  double kp = 200, kd = 4;
+  double torque_max_nm = 8;
+  double viscous_friction_nm_s_per_rad = 0.02;  ///< Besides the URDF's damping.
+  double dry_friction_nm = 0;                   ///< Likewise besides its friction.
+  /// From a tick to when its setpoint acts: frames take a while.
+  double delay_s = 0.3e-3;
+};
+
+/// A robot with its ground, as lanes have it.
+struct LaneScene {
+  LaneModel model;
+  LaneRobot<double> robot{};
+};
+
+/// The scene of a task in lanes.
+/// @throws std::invalid_argument  when there is something in the scene that lanes do not have: its
+///                                motors are given, a joint has none, the robot's root is not
+///                                planar, a joint is prismatic, an obstacle is no half-space and a
+///                                shape of the robot no sphere, or there are more bodies, points or
+///                                obstacles than lanes have room for. The message names it.
+LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive);
+
+}  // namespace tumbler

@@ -1,0 +1,171 @@
+#include "offline/scene/variation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "common/core/functions.h"
+#include "common/core/index.h"
+#include "offline/scene/normal.h"
+
+namespace tumbler {
+namespace {
+
+/// base^exponent, exactly base where the exponent is 1.
+double Raised(double base, double exponent) {
+  return exponent == 1 ? base : portable::Power(base, exponent);
+}
+
+/// Draws departures and notes them.
+struct Drawer {
+  Normal normal;
+  double scale;
+  std::vector<RobotVariation::Deviate>& deviates;
+
+  double Shift(double spread, const std::string& name) {
+    if (spread == 0) return 0;
+    const double sigma = scale * normal.Draw();
+    deviates.push_back({name, sigma});
+    return spread * sigma;
+  }
+  double Factor(double spread, const std::string& name) {
+    if (spread == 0) return 1;
+    while (true) {
+      const double sigma = scale * normal.Draw();
+      if (1 + spread * sigma < 0.05) continue;
+      deviates.push_back({name, sigma});
+      return 1 + spread * sigma;
+    }
+  }
+  /// @param model        the model's value.
+  /// @param logarithmic  whether it is the logarithms of a range that are uniform.
+  double Ground(const GroundSpread& spread, double model, bool logarithmic,
+                const std::string& name) {
+    if (const double* deviation = spread.deviation()) return Factor(*deviation, name);
+    const double part = normal.DrawUniform();
+    deviates.push_back({name, scale * std::sqrt(3.0) * (2 * part - 1)});
+    if (const GroundSpread::EitherWay* either = spread.either_way())
+      return Raised(either->most, scale * (2 * part - 1));
+    const auto [from, to] = *spread.between();
+    const double value = logarithmic ? from * Raised(to / from, part) : from + part * (to - from);
+    return Raised(value / model, scale);
+  }
+};
+
+}  // namespace
+
+std::vector<double> RobotVariation::StartPositions(const PlanarRobot& robot) const {
+  std::vector<double> q(Index(robot.root_dofs), 0.0);
+  for (const Joint& joint : joints) q.push_back(joint.start_rad);
+  return q;
+}
+
+std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
+  std::vector<double> v(Index(robot.root_dofs), 0.0);
+  if (!v.empty()) v.back() = start_pitch_rate_rad_s;
+  for (const Joint& joint : joints) v.push_back(joint.start_rate_rad_s);
+  return v;
+}
+
+RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index) {
+  const PlanarRobot& robot = scene.robot;
+  const ContactLaw& contact = scene.contact;
+  RobotVariation v;
+  Drawer draw{Normal(seed, index), scale, v.deviates};
+  for (std::size_t dof = Index(robot.first_body()); dof < robot.body_names.size(); ++dof) {
+    const std::string of = " of " + robot.body_names[dof];
+    RobotVariation::Link& link = v.links.emplace_back();
+    link.mass = draw.Factor(spreads.mass, "mass" + of);
+    link.inertia = draw.Factor(spreads.inertia, "inertia" + of);
+    link.length = draw.Factor(spreads.length, "length" + of);
+    link.mass_centre_m = draw.Shift(spreads.mass_centre_m, "mass centre" + of);
+  }
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) {
+    const std::string of = " of " + robot.tree.dofs[robot.DofOfJoint(j)].name;
+    RobotVariation::Joint& joint = v.joints.emplace_back();
+    joint.gain = draw.Factor(spreads.gain, "gains" + of);
+    joint.torque_limit = draw.Factor(spreads.torque_limit, "torque limit" + of);
+  }
+  v.friction = draw.Ground(spreads.friction, contact.mu, false, "friction");
+  v.stiffness = draw.Ground(spreads.stiffness, contact.stiffness_n_per_m, true, "stiffness");
+  v.damping = draw.Ground(spreads.damping, contact.damping_n_s_per_m, true, "damping");
+  v.slope_rad = draw.Shift(spreads.slope_rad, "slope");
+  // What is drawn last leaves everything before as it is.
+  v.delay_s = std::abs(draw.Shift(spreads.delay_s, "delay"));
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) {
+    const std::string of = " of " + robot.tree.dofs[robot.DofOfJoint(j)].name;
+    RobotVariation::Joint& joint = v.joints[j];
+    joint.zero_rad = draw.Shift(spreads.zero_rad, "zero" + of);
+    joint.start_rad = draw.Shift(spreads.start_rad, "start" + of);
+    joint.start_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate" + of);
+  }
+  if (robot.root_dofs > 0)
+    v.start_pitch_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate of pitch");
+  return v;
+}
+
+std::string MistakeInRanges(const ContactLaw& model, const Spreads& spreads) {
+  const auto mistake = [](const GroundSpread& spread, double value, const char* name) {
+    if (spread.deviation() != nullptr || value != 0) return std::string();
+    return fmt::format(
+        "{} has a range, {}, but the contact law's is 0, of which nothing is a factor; give the "
+        "task another one, or robots no range",
+        name, ToText(spread));
+  };
+  std::string text = mistake(spreads.friction, model.mu, "friction");
+  if (text.empty()) text = mistake(spreads.damping, model.damping_n_s_per_m, "damping");
+  return text;
+}
+
+int FinerStepsFor(double stiffness, double damping) {
+  // Usual steps take robots that differ by usual spreads at twice their size.
+  constexpr double kUsual = 2.5;
+  const double finer = std::max(std::sqrt(stiffness / kUsual), damping / kUsual);
+  return std::max(1, static_cast<int>(std::ceil(finer)));
+}
+
+int FinerStepsFor(const ContactLaw& model, const Spreads& spreads, double scale) {
+  const auto most = [scale](const GroundSpread& spread, double value) {
+    if (const GroundSpread::EitherWay* either = spread.either_way())
+      return Raised(either->most, scale);
+    if (const GroundSpread::Between* between = spread.between())
+      return Raised(std::max(between->to / value, 1.0), scale);
+    return 1.0;
+  };
+  return FinerStepsFor(most(spreads.stiffness, model.stiffness_n_per_m),
+                       most(spreads.damping, model.damping_n_s_per_m));
+}
+
+Scene Varied(Scene scene, const RobotVariation& v) {
+  PlanarRobot& robot = scene.robot;
+  const std::size_t first = Index(robot.first_body());
+  // What is fixed to the world is as in the file.
+  const auto length_of = [&v, first](int body) {
+    return body < static_cast<int>(first) ? 1.0 : v.links[Index(body) - first].length;
+  };
+  for (std::size_t i = first; i < robot.tree.dofs.size(); ++i) {
+    Dof<Plane>& dof = robot.tree.dofs[i];
+    const RobotVariation::Link& link = v.links[i - first];
+    dof.mass_kg *= link.mass;
+    dof.inertia_kg_m2 *= link.mass * link.inertia;
+    dof.mass_centre.x() = link.length * dof.mass_centre.x() + link.mass_centre_m;
+    dof.offset.x() *= length_of(dof.parent);
+  }
+  for (PlanarLink& link : robot.links) {
+    const double length = length_of(link.body);
+    for (std::array<double, 2>* place : {&link.origin_m, &link.x_axis, &link.z_axis})
+      (*place)[0] *= length;
+  }
+  for (ContactShape<Plane>& shape : robot.shapes) shape.shape.centre.x() *= length_of(shape.body);
+  for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= length_of(own.body);
+  scene.contact.mu *= v.friction;
+  scene.contact.stiffness_n_per_m *= v.stiffness;
+  scene.contact.damping_n_s_per_m *= v.damping;
+  Tilt(robot, v.slope_rad);
+  return scene;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "offline/scene/normal.h"
+
+namespace tumbler {
+
+/// The evolution strategy with covariance matrix adaptation, for minima of functions that are
+/// neither smooth nor exact [H16, Figure 6], with its default parameters. One generation is Ask,
+/// evaluation of the candidates by the caller, and Tell.
+///
+/// [H16] N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772, 2016.
+class CmaEs {
+ public:
+  /// @param sigma  initial standard deviation of every variable.
+  /// @param seed   determines all candidates.
+  CmaEs(const std::vector<double>& start, double sigma, int population, std::uint64_t seed);
+
+  /// New candidates.
+  std::vector<std::vector<double>> Ask();
+  /// @param values  of the candidates of the last Ask; lower is better, and none is NaN.
+  void Tell(const std::vector<double>& values);
+
+  [[nodiscard]] double sigma() const { return sigma_; }
+
+ private:
+  int n_, population_, parents_;
+  double sigma_;
+  Normal normal_;
+  int generation_ = 0;
+  double mu_eff_, c_c_, c_s_, c_1_, c_mu_, damping_, expected_norm_;
+  Eigen::VectorXd weights_, mean_, path_c_, path_s_, scales_;
+  Eigen::MatrixXd covariance_, axes_;
+  std::vector<Eigen::VectorXd> candidates_;
+};
+
+}  // namespace tumbler

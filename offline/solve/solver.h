@@ -1,0 +1,146 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/core/primitive.h"
+#include "offline/problem/problem.h"
+#include "offline/solve/kkt_residual.h"
+#include "offline/solve/rollout.h"
+
+namespace tumbler {
+
+/// One evaluation of a motion, for progress messages and reports.
+struct Evaluation {
+  bool global = false;     ///< Whether it belongs to the global search, or to a local solve.
+  int start = 0;           ///< Number of the local solve.
+  std::int64_t count = 0;  ///< Evaluations so far, of all threads in this stage.
+  double cost = 0;         ///< Of the global search, the rank; in progress, the best so far.
+  double violation = 0;    ///< Largest scaled constraint; 0 when all hold.
+  /// Evaluations of g that it took, where its steps were adaptive; 0: equal steps.
+  std::int64_t dynamics = 0;
+};
+
+/// Why a local solve ended.
+enum class SolveEnd {
+  kConverged,  ///< The Kuhn-Tucker condition holds: KktResidual::relative is small enough.
+  /// The same, but with finer steps KktResidual::relative is larger.
+  kConvergedCoarsely,
+  kStalled,      ///< The cost stopped falling before that.
+  kEnough,       ///< A further step promised less than the caller asked for: near a guess.
+  kEvaluations,  ///< The evaluation budget is used up.
+  kGenerations,  ///< A robust search is over: its generations, or that they gain anything.
+  kTaken,        ///< Nothing was searched: a guess is taken as it is.
+  kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
+  kInterrupted,  ///< The caller asked to stop.
+  kFailed,       ///< The rollout left every plausible range at the start.
+};
+const char* ToString(SolveEnd end);
+
+/// An excess of a limit counts as a violation when it is larger than this, relative to the limit
+/// (for a position, in rad).
+inline constexpr double kNoViolation = 1e-6;
+
+/// A motion that the solver returned. It was evaluated again, so that nothing rests on the solver's
+/// word.
+struct Solution {
+  /// Parameters of the problem [rad].
+  std::vector<double> x;
+  /// How long the motion takes, where the problem leaves that to the search for robots that differ;
+  /// none: as the problem says, or its parameters (Problem::duration_of).
+  std::optional<double> duration_s;
+  /// How the motion answers a sensor, where the problem asks for that.
+  Feedback<double> feedback;
+  RolloutResult rollout;
+  SolveEnd end = SolveEnd::kFailed;
+  /// Whether it was solved with the final step, or only screened with a longer one.
+  bool finished = false;
+  /// Number of the start that it came from, in the order of screening.
+  int start = 0;
+  /// Cost of that start.
+  double start_cost = 0;
+  /// Largest scaled constraint; 0 when all hold.
+  double constraint_violation = 0;
+  /// How far it is from a minimum, and what limits hold it.
+  KktResidual kkt;
+  /// Evaluations of cost and gradient that it took.
+  int evaluations = 0;
+  /// Name of the largest constraint, e.g. `velocity of leg1`.
+  std::string worst_constraint;
+  /// Whether a contact went through the whole compliant layer. The contact model ends there.
+  bool core_reached = false;
+  /// Whether it keeps all limits and `SolveOptions::accept` refused it.
+  bool refused = false;
+
+  /// Whether all limits hold, and the contact model with them.
+  [[nodiscard]] bool feasible() const {
+    return evaluations > 0 && rollout.finite && constraint_violation <= kNoViolation &&
+           !core_reached;
+  }
+};
+
+/// Options of `Solve`. They do not change the result, unless it is interrupted, `contact` gives
+/// another contact model, or `accept` refuses a motion.
+struct SolveOptions {
+  int threads = 1;
+  /// Set it from any thread to stop early; may be null.
+  std::atomic<bool>* interrupt = nullptr;
+  /// Called after evaluations, from any thread but by one at a time; may be empty.
+  std::function<void(const Evaluation&)> progress;
+  /// Judges a finished motion that keeps all limits, from any thread and by several at a time;
+  /// empty: takes every one. The search goes on in place of a motion that it refuses.
+  std::function<bool(const Solution&)> accept;
+  /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
+  std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
+};
+
+/// The result of `Solve`.
+struct SolveOutcome {
+  /// One for each start, best first: feasible before refused before infeasible, then by cost. Empty
+  /// when interrupted before the first batch of the search was done.
+  std::vector<Solution> solutions;
+  /// In the order of stage, start and count: the same for any number of threads.
+  std::vector<Evaluation> history;
+  /// Of the global search and all local solves.
+  std::int64_t evaluations = 0;
+  bool interrupted = false;
+};
+
+/// Finds a motion without a guess: by a global search over random splines, a few iterations of
+/// SLSQP (NLopt) from the best of them, and SolveNear from the best of what comes of that, until
+/// `solver.finalists` motions have converged. A joint with more than 12 control points is searched
+/// for with 12, and what is found is refined with all of them.
+SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
+
+/// Finds the motion near a guess: by SolveNear from there, without a search. It ends as soon as a
+/// step promises little more. When a motion is then refused or breaks a limit, it is solved on with
+/// the rest of `solver.max_evaluations`.
+/// @param guess  parameters of the problem.
+SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> guess,
+                            const SolveOptions& options);
+
+/// Which digits of cost, constraints and gradients count.
+enum class Digits {
+  kAll,
+  /// The first 20 binary ones, those of a gradient relative to its largest component. SLSQP makes
+  /// differences of 1e-15 ones of 1e-4 within 24 evaluations, and then two computations that differ
+  /// by rounding go two ways; so they hardly do.
+  kThatRoundingSpares
+};
+
+/// Runs SLSQP from one start. It has converged when what is left of the Kuhn-Tucker condition is
+/// below a thousandth of the cost's gradient, at its start or its end. Its variables are the
+/// parameters [rad], which are of order one already. The cost is divided by its gradient at the
+/// start, and every constraint by its limit, because NLopt's SLSQP fails on large gradients.
+/// @param history  gets the evaluations appended; may be null.
+Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
+                   Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history,
+                   Digits digits = Digits::kAll);
+
+}  // namespace tumbler

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_scene.h"
+#include "offline/studies/trial.h"
+
+namespace tumbler {
+
+/// Plays a study's robots in lanes, a packet at a time, some fifty times as fast as `Trials`.
+///
+/// A robot is told, tick by tick, what the executor told the model in the twin, as the wire rounded
+/// it, with the time that the frames took; its encoders read half a count less than the truth, as
+/// they do on average. The judges are those of `Trials`. What lanes leave out is the rest of the
+/// twin: the bus, the rounding of encoders, faults of drives and executor, and everything that a
+/// twin file can ask for.
+class LaneTrials {
+ public:
+  /// @throws as Trials, std::invalid_argument as MakeLaneScene, and Refused where the study has a
+  ///         twin file.
+  /// @param finer  how much finer the steps are than those of robots that differ a little.
+  explicit LaneTrials(const RobustnessStudy& study, int finer = 1);
+
+  /// Plays robots of these numbers, one in each lane.
+  /// @pre at most Packet::kLanes of them, and at least one.
+  [[nodiscard]] std::vector<TrialOutcome> Play(std::span<const std::uint64_t> indices) const;
+  /// The same of robots that are given.
+  [[nodiscard]] std::vector<TrialOutcome> Play(std::span<const RobotVariation> variations) const;
+
+  [[nodiscard]] const Trials& trials() const { return trials_; }
+
+ private:
+  [[nodiscard]] LaneRobot<double> RobotOf(const Scene& scene,
+                                          const RobotVariation& variation) const;
+
+  Trials trials_;
+  std::vector<LaneDrive> drives_;
+  LaneScene model_;
+  LaneSteps steps_;
+};
+
+}  // namespace tumbler

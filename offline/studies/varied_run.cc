@@ -1,0 +1,96 @@
+#include "offline/studies/varied_run.h"
+
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "runtime/assembly/run_checks.h"
+#include "runtime/assembly/run_parts.h"
+
+namespace tumbler {
+namespace {
+
+/// A host whose frames reach the bus late.
+class LateHost final : public CanBus {
+ public:
+  LateHost(SimulatedPort& port, double delay_s)
+      : port_(port), delay_ns_(std::llround(1e9 * delay_s)) {}
+  Status Send(const CanFrame& frame) noexcept override { return port_.SendAfter(delay_ns_, frame); }
+  Status Receive(ReceivedFrame& received) noexcept override { return port_.Receive(received); }
+  [[nodiscard]] CanControllerState controller_state() const noexcept override {
+    return port_.controller_state();
+  }
+
+ private:
+  SimulatedPort& port_;
+  std::int64_t delay_ns_;
+};
+
+/// Gives a robot its own motors and gains.
+/// @param drives  as the host has them.
+/// @returns the drives as they are.
+DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>& motors,
+                        DrivesConfig& drives) {
+  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
+    const RobotVariation::Joint& joint = variation.joints[j];
+    motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
+    DriveEntry& drive = drives.drives[j];
+    drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
+    drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
+  }
+  // The host does not know that an encoder's zero is elsewhere.
+  DrivesConfig true_drives = drives;
+  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
+    const auto zero_rad = static_cast<float>(variation.joints[j].zero_rad);
+    std::visit([zero_rad](auto& drive) { drive.joint.zero_offset_rad -= zero_rad; },
+               true_drives.drives[j].config);
+  }
+  return true_drives;
+}
+
+}  // namespace
+
+SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
+                       SimulatedRobotConfig config) {
+  CheckRanges(*std::make_unique<const Sequence<float>>(ToRuntime(motion.file())), drives);
+  CheckSchedule(drives, [](const std::string& /*sentence*/) {});
+  SharedRobot shared{std::move(drives), std::move(config), motion.scene()};
+  if (shared.config.twin.contact)
+    shared.scene.contact = *std::exchange(shared.config.twin.contact, std::nullopt);
+  shared.config.motors.resize(shared.drives.drives.size());
+  for (std::size_t j = 0; j < shared.config.motors.size(); ++j) {
+    if (!shared.config.motors[j].torque_max_nm)
+      shared.config.motors[j].torque_max_nm = LargestTorqueLimit(motion.file(), j);
+  }
+  return shared;
+}
+
+VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation& variation)
+    : start_positions_(variation.StartPositions(shared.scene.robot)),
+      start_rates_(variation.StartRates(shared.scene.robot)) {
+  const SequenceFile& file = play.motion.file();
+  SimulatedRobotConfig config = shared.config;
+  config.scene = Varied(shared.scene, variation);
+  RunParts parts{file, std::move(play.sequence), shared.drives};
+  if (parts.sequence == nullptr)
+    parts.sequence = std::make_unique<const Sequence<float>>(ToRuntime(file));
+  const DrivesConfig true_drives = VaryDrives(variation, config.motors, parts.drives);
+  robot_ = std::make_unique<SimulatedRobot>(play.motion, true_drives, config);
+  assembly_ = std::make_unique<Assembly>(std::move(parts));
+  if (assembly_->Configure(ExecutorConfigOf(play.settings, drives())) != Status::kOk)
+    throw Refused(std::string(file.path) + ": the executor does not take this motion");
+  host_ = std::make_unique<LateHost>(robot_->bus().Attach(), variation.delay_s);
+  clock_ =
+      std::make_unique<PausingClock>([this](std::int64_t time_ns) { robot_->AdvanceTo(time_ns); });
+  procedure_ = std::make_unique<RunProcedure>(
+      ProcedureConfigOf(play.settings, drives(), assembly_->parts().sequence->graph));
+  loop_ = std::make_unique<ControlLoop>(
+      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_},
+      static_cast<std::int64_t>(std::llround(1e9 / drives().rate_hz)), 0);
+}
+
+void VariedRun::DisplaceAtStart() { robot_->Displace(start_positions_, start_rates_); }
+
+}  // namespace tumbler

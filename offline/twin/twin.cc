@@ -1,0 +1,401 @@
+#include "offline/twin/twin.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "common/core/index.h"
+#include "offline/scene/scene_dynamics.h"
+#include "offline/scene/stepper.h"
+
+namespace tumbler {
+namespace {
+
+/// Stiffness and damping of a stop that a sliding joint without a motor meets, in units of a
+/// turning one's: those of that at a lever of 0.1 m [1/m^2].
+constexpr double kStopLever = 1 / (0.1 * 0.1);
+/// What steps bear of a stop: parts of inertia / step^2 and of inertia / step, with room for what a
+/// joint's inertia changes as the robot moves.
+constexpr double kLargestStiffness = 0.1, kLargestDamping = 0.25;
+
+int BodyOf(const PlanarRobot& robot, const std::string& link) {
+  const std::vector<std::string>& names = robot.body_names;
+  // All degrees of freedom of the root have the name of its link, and the last one moves it.
+  for (std::size_t i = names.size(); i-- > 0;) {
+    if (names[i] == link && !robot.tree.dofs[i].massless) return static_cast<int>(i);
+  }
+  throw std::invalid_argument("the robot has no link '" + link + "'");
+}
+
+int ObstacleOf(const Scene& scene, const std::string& name) {
+  for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
+    if (scene.obstacles[i].name == name) return static_cast<int>(i);
+  }
+  throw std::invalid_argument("there is no obstacle '" + name + "'");
+}
+
+/// The start, lifted by the stand.
+PrimitivePose Lifted(PrimitivePose start, double stand_m) {
+  start.root_z_m += stand_m;
+  return start;
+}
+
+/// The friction of a joint in a twin.
+Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) {
+  const JointLosses losses = joint < config.joints.size() ? config.joints[joint] : JointLosses{};
+  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad,
+              .dry_friction_nm = scene.robot.dry_friction_nm[scene.robot.DofOfJoint(joint)]};
+  if (joint < scene.motors.size()) motor = scene.motors[joint];
+  if (losses.viscous_friction_nm_s_per_rad)
+    motor.viscous_friction_nm_s_per_rad = *losses.viscous_friction_nm_s_per_rad;
+  if (losses.dry_friction_nm) motor.dry_friction_nm = *losses.dry_friction_nm;
+  return motor;
+}
+
+/// The scene with the twin's own contact law, obstacles, masses and losses, and with every joint
+/// driven by a torque. In a stand the root stays where it is, and on a bar its x and z do.
+Scene Changed(Scene scene, const TwinConfig& config) {
+  if (config.contact) scene.contact = *config.contact;
+  for (const Obstacle<Plane>& obstacle : config.obstacles) scene.obstacles.push_back(obstacle);
+  std::vector<Dof<Plane>>& dofs = scene.robot.tree.dofs;
+  for (const auto& [link, factor] : config.mass_factor) {
+    Dof<Plane>& dof = dofs[Index(BodyOf(scene.robot, link))];
+    dof.mass_kg *= factor;
+    dof.inertia_kg_m2 *= factor;
+  }
+  std::vector<Motor> motors;
+  if (config.stand_m > 0) {
+    for (std::size_t i = 0; i < Index(scene.robot.root_dofs); ++i) dofs[i].prescribed = true;
+  }
+  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
+    Dof<Plane>& dof = dofs[scene.robot.DofOfJoint(j)];
+    dof.prescribed = false;
+    const Motor motor = LossesOf(scene, j, config);
+    // The scene's damping has the friction of its own motors.
+    if (!scene.motors.empty())
+      dof.damping_nm_s_per_rad -= scene.motors[j].viscous_friction_nm_s_per_rad;
+    dof.damping_nm_s_per_rad += motor.viscous_friction_nm_s_per_rad;
+    if (j < config.joints.size() && config.joints[j].rotor_inertia_kg_m2)
+      dof.rotor_inertia_kg_m2 = *config.joints[j].rotor_inertia_kg_m2;
+    motors.push_back(motor);
+  }
+  scene.motors = std::move(motors);
+  return scene;
+}
+
+}  // namespace
+
+struct Twin::Implementation {
+  Implementation(const Scene& nominal, const PrimitivePose& start, const TwinConfig& c,
+                 SimulatedBus& b, std::vector<SimulatedDrive*> d)
+      : config(c),
+        scene(Changed(nominal, c)),
+        robot(scene),
+        distances(scene.robot, scene.self_contact.All()),
+        bus(b),
+        drives(std::move(d)),
+        start_positions(PositionsIn(Lifted(start, c.stand_m), scene.robot)),
+        start_state(robot.AtRest(start_positions)),
+        y(start_state),
+        stands(c.stand_m > 0),
+        held(c.held && !stands) {
+    if (drives.size() != scene.robot.joint_count()) {
+      throw std::invalid_argument("a twin needs one drive for each joint of its primitive");
+    }
+    if (config.step_ns <= 0) throw std::invalid_argument("the twin's step must be positive");
+    place.assign(robot.n, -1);
+    for (std::size_t i = 0; i < robot.free.size(); ++i)
+      place[Index(robot.free[i])] = static_cast<int>(i);
+    std::copy(start_positions.begin(), start_positions.end(), robot.q.begin());
+    for (const Push& push : config.pushes) push_bodies.push_back(BodyOf(scene.robot, push.link));
+    for (const FrictionPatch& patch : config.patches) {
+      patch_obstacles.push_back(ObstacleOf(scene, patch.obstacle));
+    }
+    FindPassiveStops();
+    Drive();
+  }
+
+  /// A joint without a motor has no rotor, so that its stop may be too hard for the steps.
+  void FindPassiveStops() {
+    robot.SetFree(start_state);
+    robot.Touch();
+    const auto acceleration = [this](std::size_t dof, double torque) {
+      robot.tau = {};
+      robot.tau[dof] = torque;
+      robot.Solve();
+      return robot.qdd[dof];
+    };
+    const double h = 1e-9 * static_cast<double>(config.step_ns);
+    for (const PassiveJoint& joint : scene.robot.passive) {
+      const std::size_t dof = Index(joint.dof);
+      const bool slides = scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
+      const double units = slides ? kStopLever : 1;
+      const double inertia = 1 / (acceleration(dof, 1) - acceleration(dof, 0));
+      passive_stops.push_back(
+          {dof,
+           std::min(units * config.stop_stiffness_nm_per_rad,
+                    kLargestStiffness * inertia / (h * h)),
+           std::min(units * config.stop_damping_nm_s_per_rad, kLargestDamping * inertia / h)});
+    }
+  }
+
+  /// Lets every drive measure its joint and act for one step.
+  void Drive() {
+    bool all_enabled = !drives.empty();
+    for (std::size_t j = 0; j < drives.size(); ++j) {
+      const std::size_t dof = scene.robot.DofOfJoint(j);
+      drive_torque[dof] = drives[j]->Step(time_ns, q(dof), qd(dof));
+      all_enabled = all_enabled && drives[j]->enabled();
+    }
+    if (!all_enabled) return;
+    held = false;
+    if (enabled_ns < 0) enabled_ns = time_ns;
+  }
+
+  /// The torque of dry friction and of the stop at the joint's limit.
+  [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
+    const Stop stop{scene.robot.DofOfJoint(j), config.stop_stiffness_nm_per_rad,
+                    config.stop_damping_nm_s_per_rad};
+    return StopTorque(stop, position, velocity) -
+           EvaluateDryFriction(scene.motors[j].dry_friction_nm, velocity).torque_nm;
+  }
+
+  /// What a joint meets at its limits.
+  struct Stop {
+    std::size_t dof;
+    double stiffness, damping;
+  };
+  [[nodiscard]] double StopTorque(const Stop& stop, double position, double velocity) const {
+    const RobotJointLimits& limits = scene.robot.limits[stop.dof];
+    const double damper = -stop.damping * velocity;
+    if (position > limits.upper_rad)
+      return std::min(0.0, -stop.stiffness * (position - limits.upper_rad) + damper);
+    if (position < limits.lower_rad)
+      return std::max(0.0, stop.stiffness * (limits.lower_rad - position) + damper);
+    return 0;
+  }
+
+  [[nodiscard]] int BodyOfContact(const ActiveContact<Plane>& active) const {
+    return scene.robot.shapes[Index(active.shape)].body;
+  }
+
+  /// Gives every contact on a patch the friction of the patch.
+  void ApplyPatches() {
+    HybridDynamics<Plane>& dynamics = robot.dynamics;
+    for (const ActiveContact<Plane>& active : robot.contact->active()) {
+      const double x = dynamics.origin().x() + active.point.x();
+      const FrictionPatch* on = nullptr;
+      for (std::size_t p = 0; p < config.patches.size(); ++p) {
+        const FrictionPatch& patch = config.patches[p];
+        if (patch_obstacles[p] == active.obstacle && x >= patch.from_x_m && x <= patch.to_x_m)
+          on = &patch;
+      }
+      if (on == nullptr) continue;
+      const int body = BodyOfContact(active);
+      const Plane::Vector v = dynamics.velocity(body).At(active.point);
+      const Plane::Vector v_t = v - v.dot(active.normal) * active.normal;
+      const double more = (on->mu - scene.contact.mu) * std::abs(active.normal_force_n) *
+                          EvaluateFrictionGain(scene.contact, v_t.squaredNorm()).gain;
+      dynamics.AddWrench(body, Plane::ForceAt(active.point, -more * v_t));
+    }
+  }
+
+  void ApplyPushes() {
+    HybridDynamics<Plane>& dynamics = robot.dynamics;
+    push_n = {};
+    for (std::size_t p = 0; p < config.pushes.size(); ++p) {
+      const Push& push = config.pushes[p];
+      if (push.since_enabled && enabled_ns < 0) continue;
+      const double since_s =
+          1e-9 * static_cast<double>(time_ns - (push.since_enabled ? enabled_ns : 0));
+      if (since_s < push.start_s || since_s >= push.start_s + push.duration_s) continue;
+      const int body = push_bodies[p];
+      const Plane::Vector at =
+          dynamics.position(body) +
+          dynamics.rotation(body) * Plane::Vector(push.point_m[0], push.point_m[1]);
+      dynamics.AddWrench(body, Plane::ForceAt(at, {push.force_n[0], push.force_n[1]}));
+      push_n[0] += push.force_n[0];
+      push_n[1] += push.force_n[1];
+    }
+  }
+
+  void Slope(const SceneDynamics::State& state, double* k) {
+    robot.SetFree(state);
+    robot.Touch();
+    ApplyPatches();
+    ApplyPushes();
+    robot.tau = drive_torque;
+    for (std::size_t j = 0; j < drives.size(); ++j) {
+      const std::size_t dof = scene.robot.DofOfJoint(j);
+      robot.tau[dof] += Resistance(j, robot.q[dof], robot.qd[dof]);
+    }
+    for (const Stop& stop : passive_stops)
+      robot.tau[stop.dof] += StopTorque(stop, robot.q[stop.dof], robot.qd[stop.dof]);
+    robot.Solve();
+    robot.TakeSlope(k);
+  }
+
+  void NoteContacts() {
+    normal_force = 0;
+    touching.clear();
+    for (const ActiveContact<Plane>& a : robot.contact->active()) {
+      peak_penetration = std::max(peak_penetration, a.depth_m);
+      normal_force += a.normal_force_n;
+      touching.push_back(a);
+      const double speed = ApproachOf(a);
+      if (speed <= impact) continue;
+      impact = speed;
+      impact_body = BodyOfContact(a);
+    }
+  }
+
+  /// The speed with which a contact's point moves into what it touches.
+  [[nodiscard]] double ApproachOf(const ActiveContact<Plane>& active) const {
+    const HybridDynamics<Plane>& dynamics = robot.dynamics;
+    Plane::Vector v = dynamics.velocity(BodyOfContact(active)).At(active.point);
+    if (active.other_shape >= 0) {
+      const int other = scene.robot.shapes[Index(active.other_shape)].body;
+      v -= dynamics.velocity(other).At(active.point);
+    }
+    return -v.dot(active.normal);
+  }
+
+  /// Takes a step by the midpoint rule. The order suffices because the drives' loops need a step
+  /// that is far shorter than contact would need.
+  void Integrate(double h) {
+    StepRungeKutta<kMidpoint>(y, 2 * robot.free.size(), h,
+                              [this](int s, const SceneDynamics::State& state, double* k) {
+                                Slope(state, k);
+                                if (s == 0) NoteContacts();
+                                return true;
+                              });
+  }
+
+  [[nodiscard]] double q(std::size_t dof) const {
+    return place[dof] < 0 ? start_positions[dof] : y[Index(place[dof])];
+  }
+  [[nodiscard]] double qd(std::size_t dof) const {
+    return place[dof] < 0 ? 0 : y[robot.free.size() + Index(place[dof])];
+  }
+
+  TwinConfig config;
+  Scene scene;
+  SceneDynamics robot;
+  mutable SelfDistances distances;  // with room for its work
+  SimulatedBus& bus;
+  std::vector<SimulatedDrive*> drives;
+  std::vector<double> start_positions;  // of all degrees of freedom
+  SceneDynamics::State start_state, y;
+  std::vector<int> place;  // of each degree of freedom in the state; -1: stand or bar holds it
+  SceneDynamics::Numbers drive_torque{};
+  std::vector<Stop> passive_stops;
+  std::vector<int> push_bodies, patch_obstacles;
+  std::vector<ActiveContact<Plane>> touching;
+  std::array<double, 2> push_n{};
+  std::int64_t time_ns = 0;
+  std::int64_t enabled_ns = -1;  // when all drives were first enabled; -1: not yet
+  bool stands;
+  bool held;
+  double peak_penetration = 0;
+  double normal_force = 0;
+  double impact = 0;
+  int impact_body = -1;  // -1: nothing was touched
+};
+
+Twin::Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config,
+           SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
+    : implementation_(
+          std::make_unique<Implementation>(scene, start, config, bus, std::move(drives))) {}
+Twin::~Twin() = default;
+
+void Twin::AdvanceTo(std::int64_t time_ns) {
+  Implementation& m = *implementation_;
+  while (m.time_ns < time_ns) {
+    const std::int64_t next = std::min(m.time_ns + m.config.step_ns, time_ns);
+    m.bus.AdvanceTo(m.time_ns);
+    m.Drive();
+    if (!m.held) m.Integrate(1e-9 * static_cast<double>(next - m.time_ns));
+    m.time_ns = next;
+  }
+  m.bus.AdvanceTo(time_ns);
+  m.Drive();
+}
+
+TwinState Twin::state() const {
+  const Implementation& m = *implementation_;
+  TwinState state;
+  state.time_ns = m.time_ns;
+  state.held = m.held || m.stands;
+  state.enabled_ns = m.enabled_ns;
+  state.push_n = m.push_n;
+  if (m.scene.robot.root_dofs == 3) {
+    state.root_x_m = m.q(0);
+    state.root_z_m = m.q(1);
+    state.root_pitch_rad = m.q(2);
+    state.root_vx_m_s = m.qd(0);
+    state.root_vz_m_s = m.qd(1);
+    state.root_pitch_rate_rad_s = m.qd(2);
+  }
+  for (std::size_t j = 0; j < m.scene.robot.joint_count(); ++j) {
+    const std::size_t dof = m.scene.robot.DofOfJoint(j);
+    state.joint_positions_rad.push_back(m.q(dof));
+    state.joint_velocities_rad_s.push_back(m.qd(dof));
+    state.joint_torques_nm.push_back(m.drive_torque[dof]);
+  }
+  for (const PassiveJoint& joint : m.scene.robot.passive) {
+    state.passive_positions_rad.push_back(m.q(Index(joint.dof)));
+    state.passive_velocities_rad_s.push_back(m.qd(Index(joint.dof)));
+  }
+  state.peak_penetration_m = m.peak_penetration;
+  state.impact_m_s = m.impact;
+  if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];
+  SceneDynamics::Numbers positions{};
+  for (std::size_t dof = 0; dof < m.robot.n; ++dof) positions[dof] = m.q(dof);
+  const SelfClearance own = m.distances.Nearest({positions.data(), m.robot.n});
+  if (own.distance_m < 0) {
+    state.self_overlap_m = -own.distance_m;
+    state.overlapping = NameOf(m.scene.robot, own.pair);
+  }
+  state.normal_force_n = m.normal_force;
+  return state;
+}
+
+std::vector<TwinContact> Twin::contacts() const {
+  const Implementation& m = *implementation_;
+  std::vector<TwinContact> contacts;
+  for (const ActiveContact<Plane>& active : m.touching) {
+    contacts.push_back({m.scene.robot.body_names[Index(m.BodyOfContact(active))],
+                        TouchedName(m.scene, active), active.normal_force_n});
+  }
+  return contacts;
+}
+
+void Twin::Displace(std::span<const double> q, std::span<const double> v) {
+  Implementation& m = *implementation_;
+  const std::size_t root = Index(m.scene.robot.root_dofs);
+  const std::size_t count = root + m.scene.robot.joint_count();
+  if (q.size() != count || v.size() != count)
+    throw std::invalid_argument("the root's degrees of freedom and each joint need one number");
+  for (std::size_t i = 0; i < count; ++i) {
+    const int place = m.place[i < root ? i : m.scene.robot.DofOfJoint(i - root)];
+    if (place < 0) continue;
+    m.y[Index(place)] += q[i];
+    m.y[m.robot.free.size() + Index(place)] += v[i];
+  }
+}
+
+void Twin::ForgetImpacts() {
+  implementation_->impact = 0;
+  implementation_->impact_body = -1;
+}
+
+void Twin::PutBack() {
+  Implementation& m = *implementation_;
+  m.y = m.start_state;
+  m.touching.clear();
+  m.normal_force = 0;
+  m.held = m.config.held && !m.stands;
+  m.Drive();
+}
+
+}  // namespace tumbler

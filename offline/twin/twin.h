@@ -1,0 +1,150 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/files/primitive_toml.h"
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/devices/simulated_drive.h"
+#include "offline/scene/scene.h"
+
+namespace tumbler {
+
+/// Friction and rotor inertia of a joint.
+struct JointLosses {
+  /// Of a joint whose task does not say what its motor loses.
+  static constexpr double kUsualFriction_nm_s_per_rad = 0.02;
+
+  /// Friction of bearing and gear. It adds to the damping in the URDF. None: that of the task's
+  /// motor, or the usual one.
+  std::optional<double> viscous_friction_nm_s_per_rad;
+  /// Coulomb friction, >= 0 (EvaluateDryFriction). None: that of the task's motor, or, where the
+  /// task does not say what its motors lose, the friction in the URDF.
+  std::optional<double> dry_friction_nm;
+  /// The rotor's inertia seen through the gear. None: the inertia in the task.
+  std::optional<double> rotor_inertia_kg_m2;
+};
+
+/// A force that somebody exerts on the robot for a while.
+struct Push {
+  std::string link;
+  double start_s = 0;
+  double duration_s = 0;
+  bool since_enabled = false;       ///< Whether `start_s` counts from when all drives were enabled.
+  std::array<double, 2> force_n{};  ///< x and z in the world.
+  std::array<double, 2> point_m{};  ///< x and z in the link's frame.
+};
+
+/// Part of an obstacle's surface with a friction of its own. Where patches overlap, the last one
+/// counts.
+struct FrictionPatch {
+  std::string obstacle;
+  double mu = 0;  ///< Coefficient of friction, >= 0.
+  double from_x_m = -std::numeric_limits<double>::infinity();
+  double to_x_m = std::numeric_limits<double>::infinity();
+};
+
+/// Settings of a simulated robot: how it is simulated, and where it differs from its scene.
+struct TwinConfig {
+  /// Step of the physics and of the drives' control law. The current loop of a drive runs at 20 to
+  /// 40 kHz.
+  std::int64_t step_ns = 50'000;
+  /// Whether the robot and its joints are held until every drive is enabled: limp legs do not
+  /// stand.
+  bool held = true;
+  /// Height by which a stand lifts the root link off its start, and holds it there for good, so
+  /// that the joints move freely [m]. The state is held then, whatever the drives do. 0: no stand.
+  double stand_m = 0;
+  /// In the order of the robot's joints. Joints without an entry have the defaults.
+  std::vector<JointLosses> joints;
+
+  /// At the URDF's position limits, a joint meets a stop: a spring that never pulls, with a damper.
+  /// A leg at 10 rad/s goes 0.04 rad into it. 0: no stop.
+  double stop_stiffness_nm_per_rad = 500;
+  double stop_damping_nm_s_per_rad = 2;
+
+  /// None: the contact law of the scene.
+  std::optional<ContactLaw> contact;
+  /// Links, each with the factor of its mass and inertia.
+  std::vector<std::pair<std::string, double>> mass_factor;
+  /// These add to the obstacles of the scene.
+  std::vector<Obstacle<Plane>> obstacles;
+  std::vector<FrictionPatch> patches;
+  std::vector<Push> pushes;
+};
+
+/// A link of the robot that touches something.
+struct TwinContact {
+  std::string link;
+  std::string obstacle;  ///< Or the robot's own shape.
+  double normal_force_n = 0;
+};
+
+/// The true state of a simulated robot, of which its drives report only a part.
+struct TwinState {
+  std::int64_t time_ns = 0;
+  bool held = false;
+  std::int64_t enabled_ns = -1;  ///< When all drives were first enabled; -1: not yet.
+  double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
+  double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
+  std::vector<double> joint_positions_rad;
+  std::vector<double> joint_velocities_rad_s;
+  std::vector<double> passive_positions_rad;     ///< Of the joints without a motor [rad, m].
+  std::vector<double> passive_velocities_rad_s;  ///< Likewise.
+  std::vector<double> joint_torques_nm;          ///< The torques that the drives exert.
+  double peak_penetration_m = 0;                 ///< Since the start.
+  /// The hardest impact since the start or the last `ForgetImpacts`: the largest speed with which a
+  /// point in contact moves into what it touches, and its link; empty: nothing was touched.
+  double impact_m_s = 0;
+  std::string impact_link;
+  double normal_force_n = 0;       ///< Sum over all contacts.
+  std::array<double, 2> push_n{};  ///< Sum of all pushes that act: x, z.
+  /// By how much the robot's own shapes overlap, which the twin does not prevent; 0 where they do
+  /// not. Only those count that are to stay apart.
+  double self_overlap_m = 0;
+  std::string overlapping;  ///< The two shapes that overlap most: "leg1_link/0 and leg2_link/1".
+};
+
+/// The physics of a robot, contact included, behind simulated drives on a simulated bus. Robot and
+/// ground are those of a scene, apart from what the configuration changes. The twin is the only
+/// place that sees both the dynamics and the firmware interface.
+class Twin {
+ public:
+  /// @param start   the pose in which the robot begins, at rest.
+  /// @param drives  one for each joint of the robot, in its order. They must outlive the twin.
+  /// @throws std::invalid_argument  when the configuration names a link or an obstacle that is not
+  ///                                there, a drive is missing, or the step is not positive.
+  Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config, SimulatedBus& bus,
+       std::vector<SimulatedDrive*> drives);
+  ~Twin();
+  Twin(const Twin&) = delete;
+  Twin& operator=(const Twin&) = delete;
+
+  /// Advances bus, drives and robot to this time.
+  void AdvanceTo(std::int64_t time_ns);
+  [[nodiscard]] TwinState state() const;
+  /// The contacts in the last step.
+  [[nodiscard]] std::vector<TwinContact> contacts() const;
+  /// Moves the robot at once, as a knock does. What a stand or a bar holds stays where it is.
+  /// @param q, v  what is added to positions and velocities of all degrees of freedom: x and z of
+  ///              the root, its pitch (of a fixed root none), and the joints [m, rad, m/s, rad/s].
+  /// @throws std::invalid_argument  when there are not as many.
+  void Displace(std::span<const double> q, std::span<const double> v);
+  /// Begins anew with the hardest impact.
+  void ForgetImpacts();
+  /// Puts the robot back into the pose in which it began. If it was held then, it is held again
+  /// until all drives are enabled.
+  void PutBack();
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace tumbler

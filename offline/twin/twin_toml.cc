@@ -1,0 +1,248 @@
+#include "offline/twin/twin_toml.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "common/files/file_keys.h"
+#include "offline/problem/contact_toml.h"
+#include "offline/problem/motor_toml.h"
+#include "offline/problem/obstacle_toml.h"
+#include "offline/scene/rest_pose.h"
+#include "offline/twin/twin_keys.h"
+
+namespace tumbler {
+namespace {
+
+class TwinReader {
+ public:
+  TwinReader(TomlTable root, const SimulatedMotion& motion)
+      : root_(std::move(root)), motion_(motion.file()), scene_(motion.scene()) {
+    const Primitive<double>& first = motion_.PrimitiveOf(motion_.graph.start).primitive;
+    for (const JointMotion<double>& joint : first.motions())
+      joints_.emplace_back(joint.name.view());
+    for (std::size_t i = 0; i < scene_.robot.body_names.size(); ++i) {
+      if (!scene_.robot.tree.dofs[i].massless) links_.push_back(scene_.robot.body_names[i]);
+    }
+    for (const Obstacle<Plane>& obstacle : scene_.obstacles) obstacles_.push_back(obstacle.name);
+  }
+
+  SimulatedRobotConfig Read() {
+    ReadHeader(root_, kTwinHeader);
+    TwinSources files;
+    ReadKeys(root_, kTwinFileKeys, files);
+    TwinConfig& twin = config_.twin;
+    ReadKeys(root_, kTwinStepKeys, twin);
+    ReadMotors();
+    ReadLinks();
+    ReadContact();
+    ReadObstacles();
+    ReadPatches();
+    ReadPushes();
+    ReadSensor();
+    if (std::optional<TomlTable> stop = root_.OptionalTable("stop"))
+      ReadKeys(*stop, kStopKeys, twin);
+    if (std::optional<TomlTable> fall = root_.OptionalTable("fall")) {
+      ReadKeys(*fall, kFallKeys, config_.posture);
+      for (const std::string& link : config_.posture.clear_links)
+        RequireOneOf(*fall, "clear_links", link, "link", links_);
+    }
+    // The start comes last, since it may let the robot come to rest on everything read before.
+    std::optional<TomlTable> start = root_.OptionalTable("start");
+    if (start) TakeStartKeys(*start);
+    root_.RejectUnknownKeys();
+    if (start) ReadStart(*start);
+    return std::move(config_);
+  }
+
+ private:
+  void ReadMotors() {
+    std::vector<JointMotor>& motors = config_.motors;
+    std::vector<JointLosses>& losses = config_.twin.joints;
+    motors.resize(joints_.size());
+    losses.resize(joints_.size());
+    std::optional<TomlTable> all = root_.OptionalTable("motor");
+    if (!all) return;
+    for (const std::string& key : all->Keys()) {
+      if (all->IsTable(key)) RequireOneOf(*all, key, key, "joint", joints_);
+    }
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+      MotorEntry motor;
+      ReadKeys(*all, kMotorKeys, motor);
+      std::optional<TomlTable> own = all->OptionalTable(joints_[j]);
+      if (own) ReadKeys(*own, kMotorKeys, motor);
+      motors[j] = motor;
+      losses[j] = motor;
+      constexpr double kNone = std::numeric_limits<double>::infinity();
+      CheckTorqueSpeedCurve(own ? *own : *all, joints_[j], motor.base_speed_rad_s.value_or(kNone),
+                            motor.no_load_speed_rad_s.value_or(kNone));
+    }
+  }
+
+  void ReadLinks() {
+    std::optional<TomlTable> factors = root_.OptionalTable("mass_factor");
+    if (!factors) return;
+    for (const std::string& link : factors->Keys()) {
+      RequireOneOf(*factors, link, link, "link", links_);
+      config_.twin.mass_factor.emplace_back(link, factors->Number(link, {0.1, 10}));
+    }
+  }
+
+  void ReadContact() {
+    std::optional<TomlTable> table = root_.OptionalTable("contact");
+    if (!table) return;
+    ContactLaw law = scene_.contact;
+    ReadContactForces(*table, law);
+    scene_.contact = law;
+    config_.twin.contact = law;
+  }
+
+  void ReadObstacles() {
+    for (TomlTable& table : root_.OptionalTables("obstacle")) {
+      const Obstacle<Plane> obstacle = ReadObstacle(table);
+      if (std::find(obstacles_.begin(), obstacles_.end(), obstacle.name) != obstacles_.end()) {
+        table.Fail("name", fmt::format("'{}' is there already; allowed: a name besides {}",
+                                       obstacle.name, Join(obstacles_)));
+      }
+      TwinObstacle own;
+      ReadKeys(table, kTwinObstacleKeys, own);
+      if (own.mu) config_.twin.patches.push_back({obstacle.name, *own.mu});
+      obstacles_.push_back(obstacle.name);
+      scene_.obstacles.push_back(obstacle);
+      config_.twin.obstacles.push_back(obstacle);
+    }
+  }
+
+  void ReadPatches() {
+    for (TomlTable& table : root_.OptionalTables("patch")) {
+      PatchEntry patch;
+      patch.obstacles = &obstacles_;
+      ReadKeys(table, kPatchKeys, patch);
+      config_.twin.patches.push_back(patch);
+    }
+  }
+
+  void ReadPushes() {
+    for (TomlTable& table : root_.OptionalTables("push")) {
+      PushEntry push;
+      push.links = &links_;
+      ReadKeys(table, kPushKeys, push);
+      config_.twin.pushes.push_back(push);
+    }
+  }
+
+  void ReadSensor() {
+    if (std::optional<TomlTable> sensor = root_.OptionalTable("sensor"))
+      ReadKeys(*sensor, kTwinSensorKeys, config_.sensor);
+    for (TomlTable& table : root_.OptionalTables("sensor_failure")) {
+      SensorFailureEntry failure;
+      ReadKeys(table, kSensorFailureKeys, failure);
+      config_.sensor.failures.push_back(failure);
+    }
+  }
+
+  /// Reads the keys of the start before the robot is put there, so that unknown keys are refused
+  /// first.
+  void TakeStartKeys(TomlTable& start) {
+    pose_ = StartOf(motion_);
+    TwinStart root{config_.twin.held, config_.twin.stand_m, pose_.root_x_m, pose_.root_pitch_rad,
+                   std::nullopt};
+    ReadKeys(start, kTwinStartKeys, root);
+    config_.twin.held = root.held;
+    config_.twin.stand_m = root.stand_m;
+    pose_.root_x_m = root.x_m;
+    pose_.root_pitch_rad = root.pitch_rad;
+    pose_.root_z_m = root.z_m.value_or(pose_.root_z_m);
+    placed_ = root.z_m.has_value();
+    if (scene_.robot.hinged()) {
+      for (const char* const key : {"x_m", "z_m"}) {
+        if (start.Has(key))
+          start.Fail(key, "moves the robot off its bar, whose place the task has; leave it out");
+      }
+    }
+    if (std::optional<TomlTable> joints = start.OptionalTable("joints_rad")) {
+      for (const std::string& name : joints->Keys())
+        RequireOneOf(*joints, name, name, "joint", joints_);
+      for (std::size_t j = 0; j < joints_.size(); ++j) {
+        pose_.joint_positions_rad[j] =
+            joints->Number(joints_[j], {-100, 100}, pose_.joint_positions_rad[j]);
+      }
+    }
+    moved_ = start.Has("pitch_rad") || start.Has("joints_rad");
+    turned_ = start.Has("pitch_rad");
+  }
+
+  /// Sets the start pose. A robot that does not start in the motion's own pose, and has no height,
+  /// is lowered until it rests; on a bar it hangs at rest unless its pitch is given.
+  void ReadStart(TomlTable& start) {
+    if (scene_.robot.hinged()) {
+      if (moved_ && !turned_)
+        pose_.root_pitch_rad = RestingPitch(scene_, PositionsIn(pose_, scene_.robot));
+    } else if (scene_.robot.root_dofs == 3 && moved_ && !placed_) {
+      try {
+        pose_ = PoseAt(RestPose(scene_, PositionsIn(pose_, scene_.robot)), scene_.robot);
+      } catch (const std::runtime_error& error) {
+        start.Fail("",
+                   fmt::format("{}; change the joints or the pitch, or give z_m", error.what()));
+      }
+    }
+    config_.start = pose_;
+  }
+
+  TomlTable root_;
+  const SequenceFile& motion_;
+  Scene scene_;  // as the file changes it
+  std::vector<std::string> joints_, links_, obstacles_;
+  PrimitivePose pose_;
+  bool placed_ = false;
+  bool moved_ = false;
+  bool turned_ = false;
+  SimulatedRobotConfig config_;
+};
+
+}  // namespace
+
+std::vector<KeyTable> TwinKeyTables() {
+  const char* const source = "offline/twin/twin_keys.h";
+  const KeyRow joints{"", "`joints_rad`", "the motion's", "table of joints, -100 to 100", ""};
+  return {{source, "twin",
+           Joined({{RowOf(kTwinHeader)}, RowsOf(kTwinFileKeys), RowsOf(kTwinStepKeys)})},
+          {source, "start", Joined({RowsOf(kTwinStartKeys), {joints}})},
+          {source, "motor", RowsOf(kMotorKeys)},
+          {source, "stop", RowsOf(kStopKeys)},
+          {source, "obstacle", RowsOf(kTwinObstacleKeys)},
+          {source, "patch", RowsOf(kPatchKeys)},
+          {source, "push", RowsOf(kPushKeys)},
+          {source, "sensor", RowsOf(kTwinSensorKeys)},
+          {source, "sensor_failure", RowsOf(kSensorFailureKeys)},
+          {source, "fall", RowsOf(kFallKeys)}};
+}
+
+TwinSources ReadTwinSources(const std::string& path) {
+  TomlTable root = TomlTable::ParseFile(path);
+  ReadHeader(root, kTwinHeader);
+  TwinSources files;
+  ReadKeys(root, kTwinFileKeys, files);
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  const auto beside = [&folder](const std::string& name) {
+    return name.empty() ? name : (folder / name).string();
+  };
+  return {beside(files.motion), beside(files.drives)};
+}
+
+SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion) {
+  return TwinReader(TomlTable::ParseFile(path), motion).Read();
+}
+
+SimulatedRobotConfig ParseTwin(std::string_view text, const std::string& name,
+                               const SimulatedMotion& motion) {
+  return TwinReader(TomlTable::Parse(text, name), motion).Read();
+}
+
+}  // namespace tumbler

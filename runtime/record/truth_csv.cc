@@ -1,0 +1,37 @@
+#include "runtime/record/truth_csv.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace tumbler {
+
+std::string TruthCsvHeader(const std::vector<std::string>& joint_names) {
+  std::string header;
+  ForEachTruthColumn(truth_t{}, [&header](const char* name, const auto& /*value*/) {
+    header += fmt::format("{},", name);
+  });
+  for (const std::string& joint : joint_names) {
+    header += fmt::format("{0}_position_rad,{0}_velocity_rad_s,{0}_torque_nm,", joint);
+  }
+  header.pop_back();
+  return header;
+}
+
+void AppendTruthCsvRow(const truth_t& truth, const std::vector<std::string>& joint_names,
+                       std::string& csv) {
+  ForEachTruthColumn(
+      truth, [&csv](const char* /*name*/, const auto& value) { csv += fmt::format("{},", value); });
+  for (const std::string& name : joint_names) {
+    const auto joint = std::find_if(truth.joints.begin(), truth.joints.end(),
+                                    [&name](const joint_truth_t& j) { return j.name == name; });
+    if (joint == truth.joints.end()) {
+      csv += ",,,";
+    } else {
+      csv += fmt::format("{},{},{},", joint->position_rad, joint->velocity_rad_s, joint->torque_nm);
+    }
+  }
+  csv.back() = '\n';
+}
+
+}  // namespace tumbler
