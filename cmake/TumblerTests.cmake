@@ -83,12 +83,31 @@ function(tumbler_googletest name)
   endif()
 endfunction()
 
+# tumbler_label(solver_test longer EXPRESSION...) gives a label to the tests of a program whose names match one of the
+# expressions. Which tests there are is known once the program is built, so CTest does it when it reads them. An
+# expression that no test matches is an error.
+function(tumbler_label name label)
+  get_property(suites GLOBAL PROPERTY TUMBLER_TOGETHER_${name})
+  get_property(all_have GLOBAL PROPERTY TUMBLER_LABELS_${name})
+  set(expressions "")
+  foreach(expression ${ARGN})
+    string(APPEND expressions "\n    [==[${expression}]==]")
+  endforeach()
+  set(script ${CMAKE_CURRENT_BINARY_DIR}/${name}_${label}.cmake)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/label_tests.cmake.in ${script} @ONLY)
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${script})
+endfunction()
+
 # tumbler_test(bspline_test LINK tumbler::common ...) does the same, and registers each of its cases with CTest.
 # PROGRAMS are the project's programs that it runs, NEEDS the tools without which it is left out. SECONDS is about how
 # long its longest case takes, where that is long: such tests begin first, or all would wait for them in the end.
 # TOGETHER: suites whose cases share what takes long to make; each is registered as one test.
+# LONGER: the tests that only go on for longer on paths that another test takes, too; their label is `longer`.
+# UNSANITIZED: what takes longer with sanitizers than it tells there; the label is `unsanitized`. Both are expressions
+# for names.
 function(tumbler_test name)
-  cmake_parse_arguments(ARG "OWN_HEADERS;BUSY" "SECONDS" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS;TOGETHER" ${ARGN})
+  cmake_parse_arguments(ARG "OWN_HEADERS;BUSY" "SECONDS"
+                        "SOURCES;LINK;LABELS;PROGRAMS;NEEDS;TOGETHER;LONGER;UNSANITIZED" ${ARGN})
   if(NOT ARG_SECONDS)
     set(ARG_SECONDS 0)
   endif()
@@ -115,8 +134,25 @@ function(tumbler_test name)
   endif()
   gtest_discover_tests(${name} ${filter}
     PROPERTIES TIMEOUT 300 COST ${ARG_SECONDS} LABELS "${ARG_LABELS}" DISCOVERY_TIMEOUT 60)
+  set_property(GLOBAL PROPERTY TUMBLER_TOGETHER_${name} "${ARG_TOGETHER}")
+  set_property(GLOBAL PROPERTY TUMBLER_LABELS_${name} "${ARG_LABELS}")
+  foreach(label LONGER UNSANITIZED)
+    if(ARG_${label})
+      string(TOLOWER ${label} label_name)
+      tumbler_label(${name} ${label_name} ${ARG_${label}})
+    endif()
+  endforeach()
   foreach(suite ${ARG_TOGETHER})
+    set(labels ${ARG_LABELS})
+    foreach(label LONGER UNSANITIZED)
+      foreach(expression ${ARG_${label}})
+        if(suite MATCHES "${expression}")
+          string(TOLOWER ${label} label_name)
+          list(APPEND labels ${label_name})
+        endif()
+      endforeach()
+    endforeach()
     add_test(NAME ${suite} COMMAND ${name} --gtest_brief=1 --gtest_filter=${suite}.*)
-    set_tests_properties(${suite} PROPERTIES TIMEOUT 300 COST ${ARG_SECONDS} LABELS "${ARG_LABELS}")
+    set_tests_properties(${suite} PROPERTIES TIMEOUT 300 COST ${ARG_SECONDS} LABELS "${labels}")
   endforeach()
 endfunction()

@@ -63,6 +63,8 @@ struct Machine {
   const char* name;  // of its preset
   const char* qemu;  // for QEMU's option -machine
 };
+/// Else a test's name had the bytes of its pointers, others in each build.
+void PrintTo(const Machine& machine, std::ostream* out) { *out << machine.name; }
 constexpr std::array kMachines{
     Machine{"m4f", "mps2-an386"},
 #ifndef TUMBLER_ONE_CORTEX_M
