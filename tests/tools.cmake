@@ -44,6 +44,9 @@ find_program(TUMBLER_IP ip PATHS /usr/sbin /sbin)
 tumbler_tool(ip FOUND ${TUMBLER_IP} PACKAGES iproute2)
 
 find_program(TUMBLER_VALGRIND valgrind)
+find_program(TUMBLER_DOXYGEN doxygen)
+tumbler_tool(doxygen FOUND ${TUMBLER_DOXYGEN} PACKAGES doxygen)
+
 tumbler_tool(valgrind FOUND ${TUMBLER_VALGRIND} PACKAGES valgrind)
 
 # Decide whether formulas about floats hold.

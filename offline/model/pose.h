@@ -9,7 +9,7 @@ struct Pose {
   SpaceMatrix rotation = SpaceMatrix::Identity();
   SpaceVector translation = SpaceVector::Zero();
 
-  /// @param x..w  the numbers of a unit quaternion.
+  /// The rotation of the unit quaternion w + x i + y j + z k.
   static SpaceMatrix RotationOf(double x, double y, double z, double w) {
     const double tx = 2 * x, ty = 2 * y, tz = 2 * z;
     return {{1 - (ty * y + tz * z), ty * x + tz * w, tz * x - ty * w},

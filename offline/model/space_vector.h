@@ -74,7 +74,7 @@ class SpaceVector {
 class SpaceMatrix {
  public:
   SpaceMatrix() = default;  ///< Its numbers are not set.
-  /// @param columns  its columns.
+  /// Of these columns.
   SpaceMatrix(const SpaceVector& x, const SpaceVector& y, const SpaceVector& z)
       : columns_{x, y, z} {}
 

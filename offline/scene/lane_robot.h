@@ -89,8 +89,8 @@ struct LaneSetpoint {
   S third;
 };
 
-/// Robots, states or setpoints of one lane each, as one of packets, and back. T<S> has members of
-/// type S alone.
+/// Robots, states or setpoints of one lane each, as one of packets, and back. All members of T
+/// have the type that it is a template of.
 template <template <class> class T>
 T<Packet> PackLanes(const std::array<T<double>, Packet::kLanes>& each) {
   constexpr std::size_t kNumbers = sizeof(T<double>) / sizeof(double);

@@ -20,7 +20,8 @@ double TurnFromHanging(const Scene& scene, std::span<const double> q);
 
 /// The pitch nearest to that of q at which a robot on a bar is at rest with its joints held [rad]:
 /// its centre of mass is straight below the bar, where it stays, or straight above, where it tips.
-/// @param q, @pre  as above.
+/// @param q  positions of all degrees of freedom [m, rad].
+/// @pre The root is hinged.
 double RestingPitch(const Scene& scene, std::span<const double> q);
 
 /// Finds the pose in which the robot rests on the obstacles. A simulation puts the robot just above
