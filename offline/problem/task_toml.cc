@@ -12,7 +12,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/core/functions.h"
 #include "common/files/file_keys.h"
 #include "common/files/printable.h"
 #include "offline/model/contact_intent.h"
@@ -21,15 +20,15 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/end_points.h"
 #include "offline/problem/free_start.h"
+#include "offline/problem/locked_toml.h"
 #include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
 #include "offline/problem/passive_toml.h"
 #include "offline/problem/require_joint.h"
 #include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
+#include "offline/problem/start_toml.h"
 #include "offline/problem/task_keys.h"
-#include "offline/scene/rest_pose.h"
-#include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
 namespace {
@@ -46,17 +45,6 @@ constexpr std::size_t kPitch = 2;
 
 /// What is left of a motion of free duration after the last time at which its cost looks, at least.
 constexpr double kLeastStretched_s = 0.01;
-
-/// How far from rest the pitch of a robot on a bar may be asked for [rad].
-constexpr double kStartPitchOnBar = 0.5;
-
-/// A start pose that does not come from the task.
-struct StartPose {
-  const PrimitivePose* pose;
-  const Primitive<double>* primitive;  // has the joints of the pose
-  std::string from;                    // names it in messages
-  bool own = false;                    // whether it is the entry of a primitive made from this task
-};
 
 void ReadName(TomlTable& table, std::string_view key, Problem& problem) {
   problem.name = table.String(key);
@@ -166,7 +154,7 @@ class TaskReader {
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadPassiveJoints(root_, problem_);
     ReadJoints();
-    ReadPassiveStart();
+    const std::vector<double> passive_start = ReadPassiveStart(root_, scene_);
     ReadMotors(root_, problem_);
     CheckDryFriction();
     ReadSlope();
@@ -190,7 +178,7 @@ class TaskReader {
     problem_.robust = ReadRobust(root_, problem_);
     ReadDrives();
     TomlTable start = root_.Table("start");
-    ReadStart(start);
+    ReadStart(root_, start, given_, passive_start, problem_);
     SetTargetsFromStart(problem_);
     CheckRobust(start);
     CheckHeldTorque();
@@ -335,27 +323,6 @@ class TaskReader {
       joint.start_rad = start.Number(dof.name, range);
       joint.end_rad = end.Number(dof.name, range);
       problem_.joints.push_back(joint);
-    }
-  }
-
-  /// Reads where passive joints start; without it, where their springs are slack.
-  void ReadPassiveStart() {
-    TomlTable start = root_.Table("start").Table("joints_rad");
-    TomlTable end = root_.Table("end").Table("joints_rad");
-    for (const PassiveJoint& joint : scene_.robot.passive) {
-      const std::string& name = scene_.robot.tree.dofs[Index(joint.dof)].name;
-      if (end.Has(name))
-        end.Fail(name, "has no motor that could bring it there; leave it out, or out of [passive]");
-      const RobotJointLimits& urdf = scene_.robot.limits[Index(joint.dof)];
-      const Range range{std::max(urdf.lower_rad, -100.0), std::min(urdf.upper_rad, 100.0)};
-      if (!start.Has(name) && (joint.rest_rad < range.min || joint.rest_rad > range.max)) {
-        root_.Table("passive").Table(name).Fail(
-            "rest_rad", fmt::format("is {}, where the joint starts as start.joints_rad does not "
-                                    "name it; allowed: its limits, {} ... {}, or give its start",
-                                    MessageNumber(joint.rest_rad), MessageNumber(range.min),
-                                    MessageNumber(range.max)));
-      }
-      passive_start_.push_back(start.Has(name) ? start.Number(name, range) : joint.rest_rad);
     }
   }
 
@@ -553,106 +520,6 @@ class TaskReader {
                                      MessageNumber(latest), kLeastStretched_s));
   }
 
-  void ReadStart(TomlTable& start) {
-    const std::size_t n = scene_.robot.tree.dofs.size();
-    problem_.start_q.assign(n, 0.0);
-    for (const ActuatedJoint& joint : problem_.joints) {
-      problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
-    }
-    if (given_) CheckGivenJoints(start);
-    for (std::size_t i = 0; i < passive_start_.size(); ++i)
-      problem_.start_q[Index(scene_.robot.passive[i].dof)] = passive_start_[i];
-    if (scene_.robot.root_dofs == 0) {
-      CheckNotBuried(start, "joints_rad", "", "");
-      return;
-    }
-    TaskStart root;
-    ReadKeys(start, kTaskStartKeys, root);
-    const bool given_motion = given_ && !given_->own;
-    for (const FileKey<TaskStart>& key : kTaskStartRateKeys) {
-      const std::string_view name = key.text.name;
-      if (!start.Has(name)) continue;
-      if (given_motion)
-        start.Fail(name, fmt::format("is that of {} here; leave it out", given_->from));
-      if (scene_.robot.hinged() && !name.starts_with("pitch"))
-        start.Fail(name, "moves what the bar holds; leave it out");
-    }
-    ReadKeys(start, kTaskStartRateKeys, root);
-    problem_.start_root_rates = {root.x_m_s, root.z_m_s, root.pitch_rad_s};
-    problem_.free_start_rates = {
-        CheckedBounds(start, {"velocity", "m/s", "x_min_m_s", "x_max_m_s", "x_m_s"}, root.x_min_m_s,
-                      root.x_max_m_s, root.x_m_s),
-        CheckedBounds(start, {"velocity", "m/s", "z_min_m_s", "z_max_m_s", "z_m_s"}, root.z_min_m_s,
-                      root.z_max_m_s, root.z_m_s),
-        CheckedBounds(start,
-                      {"velocity", "rad/s", "pitch_min_rad_s", "pitch_max_rad_s", "pitch_rad_s"},
-                      root.pitch_min_rad_s, root.pitch_max_rad_s, root.pitch_rad_s)};
-    root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
-    if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
-    if (given_) {
-      const PrimitivePose& pose = *given_->pose;
-      if (const double apart = std::abs(pose.root_pitch_rad - root.pitch_rad);
-          !given_->own && !(apart <= kStartPitchTolerance)) {
-        start.Fail("pitch_rad", fmt::format("is {} rad, but {} has the root's pitch at {} rad: {} "
-                                            "rad apart; allowed: <= {} rad",
-                                            MessageNumber(root.pitch_rad), given_->from,
-                                            MessageNumber(pose.root_pitch_rad),
-                                            MessageNumber(apart), kStartPitchTolerance));
-      }
-      CheckGivenBar(start);
-      problem_.start_q[0] = pose.root_x_m;
-      problem_.start_q[1] = pose.root_z_m;
-      problem_.start_q[kPitch] = pose.root_pitch_rad;
-      problem_.start_root_rates = {pose.root_x_m_s, pose.root_z_m_s, pose.root_pitch_rad_s};
-      return;
-    }
-    problem_.start_q[0] = root.x_m;
-    problem_.start_q[1] = root.z_m.value_or(0);
-    problem_.start_q[kPitch] = root.pitch_rad;
-    if (scene_.robot.hinged()) {
-      HangAtRest(start);
-      CheckNotBuried(start, "z_m", fmt::format("is {}: ", MessageNumber(scene_.bar.y())), "");
-      return;
-    }
-    if (root.z_m) {
-      CheckNotBuried(start, "z_m", fmt::format("is {}: ", MessageNumber(*root.z_m)),
-                     "; without z_m the robot is put on the ground");
-      return;
-    }
-    std::optional<double> touching_m;
-    try {
-      touching_m = TouchingHeight(scene_, problem_.start_q);
-      problem_.start_q = RestPose(scene_, problem_.start_q);
-    } catch (const std::runtime_error& error) {
-      if (touching_m) CheckFirmGround(start, *touching_m);
-      start.Fail("", fmt::format("{}; change the joints or the pitch, or give z_m to start from a "
-                                 "pose that is not at rest",
-                                 error.what()));
-    }
-    CheckNotBuried(start, "", "at rest on ground as soft as [contact] says: ",
-                   "; give contact.stiffness_n_per_m a larger value");
-  }
-
-  /// Checks that the ground can carry the robot in its pose, as deep in it as the compliant layer
-  /// is thick.
-  void CheckFirmGround(TomlTable& start, double touching_m) const {
-    double mass_kg = 0;
-    for (const Dof<Plane>& dof : scene_.robot.tree.dofs) mass_kg += dof.mass_kg;
-    const double weight_n = mass_kg * scene_.robot.tree.gravity.norm();
-    SceneDynamics robot(scene_);
-    std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
-    robot.q[1] = touching_m - scene_.contact.d_on_m;
-    robot.Touch();
-    double carried_n = 0;
-    for (const ActiveContact<Plane>& active : robot.contact->active())
-      carried_n += scene_.contact.stiffness_n_per_m * active.depth_m;
-    if (carried_n == 0 || weight_n <= carried_n) return;
-    start.Fail("", fmt::format("the robot weighs {:.4g} N, and ground as soft as [contact] says "
-                               "carries up to {:.4g} N in this pose, d_on_m deep; give "
-                               "contact.stiffness_n_per_m a larger value",
-                               weight_n, carried_n));
-  }
-
   void ReadDrives() {
     std::optional<TomlTable> table = root_.OptionalTable("drives");
     if (!table) return;
@@ -674,160 +541,11 @@ class TaskReader {
         "", "lets the root move, and robots of [robust] begin at rest; leave out one of the two");
   }
 
-  /// Puts a robot on its bar at rest: with its centre of mass straight below or above the bar.
-  void HangAtRest(TomlTable& start) {
-    const double asked = problem_.start_q[kPitch];
-    problem_.start_q[kPitch] = RestingPitch(scene_, problem_.start_q);
-    const double apart = std::abs(problem_.start_q[kPitch] - asked);
-    if (apart <= kStartPitchOnBar) return;
-    start.Fail("pitch_rad",
-               fmt::format("is {} rad, where the robot does not stay: with these "
-                           "joints it is at rest at {:.4g} rad, and half turns from "
-                           "there; allowed: <= {} rad from one of these",
-                           MessageNumber(asked), problem_.start_q[kPitch], kStartPitchOnBar));
-  }
-
-  /// Checks that the given pose hangs from the task's bar.
-  void CheckGivenBar(TomlTable& start) {
-    if (!scene_.robot.hinged()) return;
-    const PrimitivePose& pose = *given_->pose;
-    const double apart =
-        portable::Length(pose.root_x_m - scene_.bar.x(), pose.root_z_m - scene_.bar.y());
-    if (apart <= 1e-9) return;
-    start.Fail(
-        "", fmt::format("has the bar at x {} m, z {} m, but {} has it at x {} m, z {} m; "
-                        "give both the same",
-                        MessageNumber(scene_.bar.x()), MessageNumber(scene_.bar.y()), given_->from,
-                        MessageNumber(pose.root_x_m), MessageNumber(pose.root_z_m)));
-  }
-
-  /// Checks that no shape starts deeper in an obstacle than the compliant layer is thick.
-  /// @param key, said, remedy  the key that puts the robot there, what it says, and what else might
-  ///                           help.
-  void CheckNotBuried(TomlTable& start, const char* key, const std::string& said,
-                      const char* remedy) {
-    SceneDynamics robot(scene_);
-    std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
-    robot.Touch();
-    const ActiveContact<Plane>* deepest = nullptr;
-    for (const ActiveContact<Plane>& active : robot.contact->active()) {
-      if (deepest == nullptr || active.depth_m > deepest->depth_m) deepest = &active;
-    }
-    const double layer = scene_.contact.d_on_m;
-    if (deepest == nullptr || deepest->depth_m < layer) return;
-    start.Fail(key,
-               fmt::format("{}there collision shape {} is {} m inside '{}'; allowed: where none is "
-                           "inside an obstacle{}",
-                           said, scene_.robot.shapes[static_cast<std::size_t>(deepest->shape)].name,
-                           MessageNumber(deepest->depth_m - layer), TouchedName(scene_, *deepest),
-                           remedy));
-  }
-
-  /// Checks that the joints of the given pose are those of the task, and are where the task starts.
-  /// Passive joints start where the pose has them.
-  void CheckGivenJoints(TomlTable& start) {
-    TomlTable joints = start.Table("joints_rad");
-    if (given_->pose->passive_positions_rad.size() != passive_start_.size()) {
-      start.Fail("", fmt::format("has {} joints without a motor, but {} has {}; give both the same "
-                                 "[passive]",
-                                 passive_start_.size(), given_->from,
-                                 given_->pose->passive_positions_rad.size()));
-    }
-    passive_start_ = given_->pose->passive_positions_rad;
-    const std::span<const JointMotion<double>> motions = given_->primitive->motions();
-    for (const ActuatedJoint& joint : problem_.joints) {
-      const std::string& name = scene_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
-      const auto motion = std::find_if(motions.begin(), motions.end(),
-                                       [&](const auto& m) { return m.name.view() == name; });
-      if (motion == motions.end()) {
-        joints.Fail(name,
-                    fmt::format("is a joint of the task, but {} has none of it", given_->from));
-      }
-      const double position =
-          given_->pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
-      const double apart = std::abs(position - joint.start_rad);
-      if (!given_->own) CheckGivenVelocity(joint, *motion);
-      if (apart <= kStartJointTolerance) continue;
-      joints.Fail(name,
-                  fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
-                              "{} rad",
-                              MessageNumber(joint.start_rad), given_->from, MessageNumber(position),
-                              MessageNumber(apart), MessageNumber(kStartJointTolerance)));
-    }
-  }
-
-  /// Checks that a joint begins as fast as the motion before leaves it.
-  void CheckGivenVelocity(const ActuatedJoint& joint, const JointMotion<double>& motion) {
-    const bool ends_moving =
-        std::ranges::any_of(given_->primitive->motions(), [](const JointMotion<double>& other) {
-          return std::abs(other.position.control_points(1).back()) > kStartJointTolerance;
-        });
-    // After a motion that ends at rest the joints are held.
-    const double velocity = ends_moving ? motion.position.control_points(1).back() : 0;
-    const double apart = std::abs(velocity - joint.start_rad_s);
-    if (apart <= kStartJointTolerance) return;
-    root_.Table("start").Fail(
-        "joints_rad_s",
-        fmt::format("has '{}' at {} rad/s, but {} has it at {} rad/s: {} rad/s apart; allowed: <= "
-                    "{} rad/s",
-                    motion.name.view(), MessageNumber(joint.start_rad_s), given_->from,
-                    MessageNumber(velocity), MessageNumber(apart),
-                    MessageNumber(kStartJointTolerance)));
-  }
-
   TomlTable root_;
   std::optional<StartPose> given_;
-  std::vector<double> passive_start_;  // of each passive joint
   Problem problem_;
   Scene& scene_ = problem_.scene;
 };
-
-/// The joints that the task holds.
-LockedJoints ReadLocked(TomlTable& root) {
-  LockedJoints locked;
-  std::optional<TomlTable> table = root.OptionalTable("locked");
-  if (!table) return locked;
-  for (const std::string& name : table->Keys())
-    locked.emplace(name, table->Number(name, kTaskPlace));
-  return locked;
-}
-
-/// Checks that the joints which the task holds are the robot's, and may be where it holds them.
-void CheckLocked(TomlTable& root, const LockedJoints& locked, const Robot& robot) {
-  if (locked.empty()) return;
-  const TomlTable table = root.Table("locked");
-  for (const auto& [name, position_rad] : locked) {
-    const auto found = std::ranges::find(robot.locked, name, &LockedJoint::name);
-    if (found == robot.locked.end()) {
-      std::string names;
-      for (const LockedJoint& lock : robot.locked) names += (names.empty() ? "" : ", ") + lock.name;
-      for (std::size_t j = Index(robot.root_dofs); j < robot.tree.dofs.size(); ++j)
-        names += (names.empty() ? "" : ", ") + robot.tree.dofs[j].name;
-      table.Fail(name, fmt::format("is no joint of the robot that moves; its joints: {}", names));
-    }
-  }
-  for (const LockedJoint& joint : robot.locked) {
-    if (const auto asked = locked.find(joint.name);
-        asked != locked.end() && asked->second != joint.position_rad) {
-      table.Fail(
-          joint.name,
-          fmt::format("is {}, but it follows '{}', with which it is at {}; leave "
-                      "it out",
-                      MessageNumber(asked->second), joint.with, MessageNumber(joint.position_rad)));
-    }
-    const RobotJointLimits& limits = joint.limits;
-    if (joint.position_rad >= limits.lower_rad && joint.position_rad <= limits.upper_rad) continue;
-    const bool follows = !joint.with.empty();
-    const std::string& asked = follows ? joint.with : joint.name;
-    table.Fail(asked,
-               fmt::format("is {}{}; allowed: where the robot's file lets it be, {} ... {}",
-                           MessageNumber(locked.at(asked)),
-                           follows ? fmt::format(", which puts '{}', which follows it, at {}",
-                                                 joint.name, MessageNumber(joint.position_rad))
-                                   : "",
-                           MessageNumber(limits.lower_rad), MessageNumber(limits.upper_rad)));
-  }
-}
 
 Task Parse(const std::string& task_text, const std::string& task_name,
            const std::string& robot_text, const std::string& robot_name,
@@ -840,20 +558,13 @@ Task Parse(const std::string& task_text, const std::string& task_name,
   const Robot in_space = ParseRobot(robot_text, robot_name, named.root, locked);
   CheckLocked(root, locked, in_space);
   PlanarRobot robot = ReduceToPlane(in_space);
-  return {TaskReader(std::move(root), std::move(robot), std::move(given)).Read(),
-          task_name,
-          task_text,
-          robot_name,
-          robot_text,
-          "",
-          "",
-          "",
-          "",
-          {},
-          {},
-          {},
-          {},
-          {}};
+  Task task;
+  task.problem = TaskReader(std::move(root), std::move(robot), std::move(given)).Read();
+  task.task_file = task_name;
+  task.task_text = task_text;
+  task.robot_file = robot_name;
+  task.robot_text = robot_text;
+  return task;
 }
 
 /// The path of the URDF that a task names, relative to the task's folder.

@@ -15,6 +15,9 @@ namespace tumbler {
 struct ScaleRatio {
   /// A larger standard error tells nothing.
   static constexpr double kErrorMax = 0.08;
+  /// Scales whose logarithms differ by less than this, and by less than twice their errors more,
+  /// are the same: what models differ by is more, and current sensors are good for this.
+  static constexpr double kSame = 0.08;
 
   double log = 0;                                          ///< Its natural logarithm.
   double error = std::numeric_limits<double>::infinity();  ///< Standard error of that.

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
+#include <Eigen/Core>
 #include <gtest/gtest.h>
 
 #include <cmath>
