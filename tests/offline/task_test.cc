@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
-#include <Eigen/Core>
 #include <gtest/gtest.h>
+#include <Eigen/Core>
 
 #include <cmath>
 
