@@ -159,7 +159,6 @@ void RejectDuplicates(const DriveEntry& drive, const DriveEntry& earlier, double
 
 void RejectSharedWithSensor(const DriveEntry& drive, const DrivesConfig& config,
                             const TomlTable& table) {
-  const XsensMtiConfig& ids = config.sensor->xsens;
   const DriveTraffic traffic = TrafficOf(drive, config.rate_hz);
   const auto reject = [&](std::string_view key, std::uint32_t id) {
     for (const std::vector<CanId>& taken : {traffic.host_sends, traffic.host_receives}) {
@@ -169,9 +168,7 @@ void RejectSharedWithSensor(const DriveEntry& drive, const DrivesConfig& config,
                                   id, drive.joint));
     }
   };
-  reject("quaternion_id", ids.quaternion_id);
-  reject("rate_id", ids.rate_id);
-  if (config.sensor->time_rate_hz > 0) reject("time_id", ids.time_id);
+  for (const SensorMessage& message : config.sensor->Messages()) reject(message.key, message.id);
 }
 
 DrivesConfig Read(TomlTable root, DrivesUse use, const FileReader& read) {
@@ -240,11 +237,8 @@ std::vector<ScheduledFrames> DrivesConfig::Schedule() const {
     }
   }
   if (sensor) {
-    const auto period = [this](double sensor_hz) { return rate_hz / sensor_hz; };
-    schedule.push_back({"attitudes", 1, XsensMti::kQuaternionBytes, period(sensor->rate_hz)});
-    schedule.push_back({"rates of turn", 1, XsensMti::kRateBytes, period(sensor->rate_hz)});
-    if (sensor->time_rate_hz > 0)
-      schedule.push_back({"sample times", 1, XsensMti::kTimeBytes, period(sensor->time_rate_hz)});
+    for (const SensorMessage& message : sensor->Messages())
+      schedule.push_back({message.what, 1, message.size, rate_hz / sensor->RateOf(message)});
   }
   return schedule;
 }
@@ -286,8 +280,7 @@ std::vector<CanId> DrivesConfig::HostReceives() const {
   std::vector<CanId> ids;
   for (const DriveEntry& drive : drives) AddAll(ids, TrafficOf(drive, rate_hz).host_receives);
   if (sensor) {
-    AddAll(ids, {sensor->xsens.quaternion_id, sensor->xsens.rate_id});
-    if (sensor->time_rate_hz > 0) AddAll(ids, {sensor->xsens.time_id});
+    for (const SensorMessage& message : sensor->Messages()) AddAll(ids, {message.id});
   }
   return ids;
 }

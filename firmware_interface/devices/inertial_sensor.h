@@ -22,6 +22,22 @@ struct InertialReading {
   std::uint32_t repeats = 0;
 };
 
+/// What a sensor measures at one time, for its side of the bus.
+struct SensorReport {
+  std::array<double, 4> attitude{1, 0, 0, 0};  ///< As `InertialReading::attitude`.
+  std::array<double, 3> rate_rad_s{};
+  std::uint32_t time = 0;
+};
+
+/// A message that a sensor sends.
+struct SensorMessage {
+  const char* key;   ///< That gives its identifier in drives files.
+  const char* what;  ///< It brings, in the plural.
+  std::uint32_t id = 0;
+  int size = 0;          ///< [bytes]
+  bool is_time = false;  ///< Whether it is sent at the rate of sample times, or not at all.
+};
+
 /// What a frame brought.
 enum class InertialPart : std::uint8_t {
   kNone,   ///< It is not the sensor's.
@@ -44,16 +60,14 @@ class InertialSensor {
   InertialSensor& operator=(const InertialSensor&) = delete;
   virtual ~InertialSensor() = default;
 
-  /// Whether a frame has one of the sensor's identifiers.
-  [[nodiscard]] bool Owns(const CanFrame& frame) const noexcept {
-    return frame.id == ids_[0] || frame.id == ids_[1] || frame.id == ids_[2];
-  }
+  /// The identifiers of its frames, of 11 bits.
+  [[nodiscard]] const std::array<std::uint32_t, 3>& ids() const noexcept { return ids_; }
   /// Takes a frame, and updates `reading()` from it.
   virtual InertialPart Decode(const CanFrame& frame) noexcept = 0;
   [[nodiscard]] const InertialReading& reading() const noexcept { return reading_; }
 
  protected:
-  std::array<std::uint32_t, 3> ids_{};  ///< Of 11 bits; for `Owns`.
+  std::array<std::uint32_t, 3> ids_{};
   InertialReading reading_;
 };
 

@@ -11,11 +11,9 @@
 namespace tumbler {
 namespace {
 
-constexpr std::array<std::string_view, 1> kSensorProtocols = {"xsens-mti"};
-
 void ReadSensorProtocol(TomlTable& table, std::string_view key, SensorEntry& /*sensor*/) {
   if (!table.Has(key)) table.Fail(key, "is missing and has no default");
-  table.Choice(key, kSensorProtocols, "");
+  table.Choice(key, SensorProtocols::kNames, "");
 }
 
 void ReadLink(TomlTable& table, std::string_view key, SensorEntry& sensor) {
@@ -25,19 +23,11 @@ void ReadLink(TomlTable& table, std::string_view key, SensorEntry& sensor) {
 }
 
 constexpr std::array kSensorHeadKeys = {
-    KeyReadBy<SensorEntry>("protocol", ReadSensorProtocol, "")
-        .Schema(R"({"enum": ["xsens-mti"]})")
-        .Required()
-        .Allowed("`\"xsens-mti\"`"),
+    KeyReadBy<SensorEntry>("protocol", ReadSensorProtocol, "").Schema("").Required(),
     KeyReadBy<SensorEntry>("link", ReadLink, "that carries the sensor, as in the URDF")
         .Schema(R"({"type": "string", "minLength": 1, "maxLength": 32})")
         .Required()
         .Allowed("1 to 32 bytes"),
-};
-constexpr std::array kSensorIdKeys = {
-    KeyOf<&XsensMtiConfig::quaternion_id>("quaternion_id", {0, 0x7ff}, "of the attitude"),
-    KeyOf<&XsensMtiConfig::rate_id>("rate_id", {0, 0x7ff}, "of the rate of turn"),
-    KeyOf<&XsensMtiConfig::time_id>("time_id", {0, 0x7ff}, "of the sample time"),
 };
 constexpr std::array kSensorKeys = {
     KeyOf<&SensorEntry::rate_hz>("rate_hz", {10, 2000}, "of attitudes and rates of turn")
@@ -72,13 +62,11 @@ SensorEntry ReadSensor(TomlTable& table, double loop_rate_hz) {
   SensorEntry sensor;
   sensor.rate_hz = loop_rate_hz;
   ReadKeys(table, kSensorHeadKeys, sensor);
-  ReadKeys(table, kSensorIdKeys, sensor.xsens);
+  SensorProtocols::ForEach([&](auto protocol) {
+    if (table.String("protocol") == decltype(protocol)::kName)
+      sensor.config = decltype(protocol)::Read(table);
+  });
   ReadKeys(table, kSensorKeys, sensor);
-  if (sensor.xsens.Validate() != Status::kOk) {
-    table.Fail("quaternion_id",
-               "is that of another message of the sensor; allowed: three different "
-               "identifiers");
-  }
   if (sensor.age_max_s < 1.5 / sensor.rate_hz) {
     table.Fail("age_max_s",
                fmt::format("is {}; allowed: from {} (1.5 / rate_hz) ... 1",
@@ -88,8 +76,33 @@ SensorEntry ReadSensor(TomlTable& table, double loop_rate_hz) {
 }
 
 std::vector<KeyRow> SensorRows() {
-  return Joined({RowsOf(kSensorHeadKeys, "`[sensor]`"), RowsOf(kSensorIdKeys, "`[sensor]`"),
-                 RowsOf(kSensorKeys, "`[sensor]`")});
+  std::vector<KeyRow> rows = RowsOf(kSensorHeadKeys, "`[sensor]`");
+  for (const std::string_view name : SensorProtocols::kNames) {
+    rows[0].schema += fmt::format("{}\"{}\"", rows[0].schema.empty() ? "" : ", ", name);
+    rows[0].allowed += fmt::format("{}`\"{}\"`", rows[0].allowed.empty() ? "" : ", ", name);
+  }
+  rows[0].schema = fmt::format(R"({{"enum": [{}]}})", rows[0].schema);
+  SensorProtocols::ForEach([&rows](auto protocol) {
+    rows = Joined({rows, decltype(protocol)::Rows()});
+  });
+  return Joined({rows, RowsOf(kSensorKeys, "`[sensor]`")});
+}
+
+std::vector<SensorMessage> SensorEntry::Messages() const {
+  std::vector<SensorMessage> messages;
+  SensorProtocols::With(config, [&](auto protocol, const auto& own) {
+    for (const SensorMessage& message : decltype(protocol)::Messages(own)) {
+      if (RateOf(message) > 0) messages.push_back(message);
+    }
+  });
+  return messages;
+}
+
+std::unique_ptr<InertialSensor> SensorEntry::MakeHost() const {
+  return SensorProtocols::With(
+      config, [](auto protocol, const auto& own) -> std::unique_ptr<InertialSensor> {
+        return std::make_unique<typename decltype(protocol)::Host>(own);
+      });
 }
 
 }  // namespace tumbler

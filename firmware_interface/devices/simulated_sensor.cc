@@ -78,12 +78,16 @@ SimulatedSensor::Report SimulatedSensor::Measured(double pitch_rad, double rate_
 
 void SimulatedSensor::Send(const Report& report) noexcept {
   if (port_ == nullptr) return;
-  // A message that finds no mailbox is lost, as in firmware.
-  (void)port_->Send(XsensQuaternionFrame(entry_.xsens, report.attitude));
-  (void)port_->Send(XsensRateFrame(entry_.xsens, report.rate_rad_s));
   const double every = entry_.time_rate_hz > 0 ? entry_.rate_hz / entry_.time_rate_hz : 0;
-  if (every > 0 && sent_ % std::max<std::int64_t>(1, std::llround(every)) == 0)
-    (void)port_->Send(XsensTimeFrame(entry_.xsens, report.time));
+  const bool timed = every > 0 && sent_ % std::max<std::int64_t>(1, std::llround(every)) == 0;
+  SensorProtocols::With(entry_.config, [&](auto protocol, const auto& own) {
+    const auto messages = decltype(protocol)::Messages(own);
+    const auto frames = decltype(protocol)::Frames(own, report);
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      // A message that finds no mailbox is lost, as in firmware.
+      if (timed || !messages[i].is_time) (void)port_->Send(frames[i]);
+    }
+  });
   ++sent_;
 }
 

@@ -56,11 +56,8 @@ class SimulatedSensor final : public SimulatedNode {
   void OnFrame(const ReceivedFrame& /*received*/, SimulatedPort& /*port*/) noexcept override {}
 
  private:
-  struct Report {
-    std::array<double, 4> attitude{1, 0, 0, 0};
-    std::array<double, 3> rate_rad_s{};
+  struct Report : SensorReport {
     std::int64_t due_ns = 0;
-    std::uint32_t time = 0;
   };
   [[nodiscard]] double Normal() noexcept;
   [[nodiscard]] Report Measured(double pitch_rad, double rate_rad_s, const SensorFailure* offset,

@@ -106,4 +106,16 @@ CanFrame XsensTimeFrame(const XsensMtiConfig& config, std::uint32_t time) noexce
   return frame;
 }
 
+std::array<SensorMessage, 3> XsensMtiProtocol::Messages(const Config& config) noexcept {
+  return {{{"quaternion_id", "attitudes", config.quaternion_id, XsensMti::kQuaternionBytes},
+           {"rate_id", "rates of turn", config.rate_id, XsensMti::kRateBytes},
+           {"time_id", "sample times", config.time_id, XsensMti::kTimeBytes, true}}};
+}
+
+std::array<CanFrame, 3> XsensMtiProtocol::Frames(const Config& config,
+                                                 const SensorReport& report) noexcept {
+  return {XsensQuaternionFrame(config, report.attitude), XsensRateFrame(config, report.rate_rad_s),
+          XsensTimeFrame(config, report.time)};
+}
+
 }  // namespace tumbler

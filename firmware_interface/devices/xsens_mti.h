@@ -3,11 +3,16 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
+#include <vector>
 
 #include "common/core/status.h"
 #include "firmware_interface/devices/inertial_sensor.h"
 
 namespace tumbler {
+
+class TomlTable;
+struct KeyRow;  // common/files/key_table.h
 
 /// Identifiers of an Xsens MTi's messages, 11 bits each, as set in the sensor.
 struct XsensMtiConfig {
@@ -43,6 +48,19 @@ class XsensMti final : public InertialSensor {
   std::uint64_t quaternion_ = 0;                        ///< The last payloads.
   std::uint64_t rate_ = 0;
   bool same_quaternion_ = false;
+};
+
+/// Its description (sensor_protocols.h).
+struct XsensMtiProtocol {
+  using Config = XsensMtiConfig;
+  using Host = XsensMti;
+  static constexpr std::string_view kName = "xsens-mti";
+
+  [[nodiscard]] static std::array<SensorMessage, 3> Messages(const Config& config) noexcept;
+  [[nodiscard]] static std::array<CanFrame, 3> Frames(const Config& config,
+                                                      const SensorReport& report) noexcept;
+  [[nodiscard]] static Config Read(TomlTable& table);
+  [[nodiscard]] static std::vector<KeyRow> Rows();
 };
 
 /// The frames of the sensor's side. Values are rounded, and saturated at the ends of the wire.

@@ -20,7 +20,7 @@ Assembly::Assembly(RunParts parts)
     }
   }
   if (!parts_.drives.sensor) return;
-  sensor_ = std::make_unique<XsensMti>(parts_.drives.sensor->xsens);
+  sensor_ = parts_.drives.sensor->MakeHost();
   // Whether the sensor's link is known is said before anything is touched.
   (void)SensorSettingsOf(*parts_.drives.sensor, parts_.file, parts_.drives.rate_hz);
 }
@@ -29,12 +29,17 @@ Status Assembly::Configure(const ExecutorConfig& config) {
   const Sequence<float>& sequence = *parts_.sequence;
   const std::span<const Primitive<float>> primitives(
       sequence.primitives.data(), static_cast<std::size_t>(sequence.primitive_count));
-  ExecutorSensor sensor;
+  std::unique_ptr<PitchEstimate> pitch;
   if (sensor_ != nullptr) {
-    sensor = {sensor_.get(), SensorSettingsOf(*parts_.drives.sensor, parts_.file,
-                                              1.0 / static_cast<double>(config.period_s))};
+    pitch = std::make_unique<SensorWatch>(
+        *sensor_, SensorSettingsOf(*parts_.drives.sensor, parts_.file,
+                                   1.0 / static_cast<double>(config.period_s)));
   }
-  return executor_->Configure(config, sequence.graph, primitives, bank_->drives(), sensor);
+  const Status status =
+      executor_->Configure(config, sequence.graph, primitives, bank_->drives(), pitch.get());
+  // Else the executor still has what it was configured with before.
+  if (status == Status::kOk) pitch_ = std::move(pitch);
+  return status;
 }
 
 }  // namespace tumbler

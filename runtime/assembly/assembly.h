@@ -5,7 +5,7 @@
 
 #include "common/core/status.h"
 #include "firmware_interface/devices/drive_bank.h"
-#include "firmware_interface/devices/xsens_mti.h"
+#include "firmware_interface/devices/inertial_sensor.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/executor/executor.h"
 
@@ -31,7 +31,8 @@ class Assembly {
  private:
   RunParts parts_;
   std::unique_ptr<DriveBank> bank_;
-  std::unique_ptr<XsensMti> sensor_;  ///< Null: the drives file has none.
+  std::unique_ptr<InertialSensor> sensor_;  ///< Null: the drives file has none.
+  std::unique_ptr<PitchEstimate> pitch_;
   std::unique_ptr<Executor> executor_;
 };
 

@@ -118,9 +118,8 @@ Status Playback::Configure(std::string_view protocol, int cycles, int branch,
     joint.kp_nm_per_rad = 40;
     joint.kd_nm_s_per_rad = joint.damping_nm_s_per_rad = 5;
   }
-  ExecutorSensor sensor;
-  if (with_sensor) sensor.device = &sensor_;
-  return executor_.Configure(config, graph, primitives, bank_.drives(), sensor);
+  return executor_.Configure(config, graph, primitives, bank_.drives(),
+                             with_sensor ? &pitch_ : nullptr);
 }
 
 TickInput Playback::NextInput(const RecordedTick& tick) noexcept {

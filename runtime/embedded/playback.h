@@ -11,6 +11,7 @@
 #include "firmware_interface/devices/xsens_mti.h"
 #include "runtime/executor/executor.h"
 #include "runtime/executor/run_procedure.h"
+#include "runtime/executor/sensor_watch.h"
 
 namespace tumbler {
 
@@ -78,6 +79,7 @@ class Playback {
  private:
   DriveBank bank_;
   XsensMti sensor_;
+  SensorWatch pitch_{sensor_, {}};
   Executor executor_;
   RunProcedure procedure_{RunProcedureConfig{}};
   std::int64_t tick_ = 0;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "common/core/feedback.h"
 #include "runtime/executor/numbers.h"
 
 namespace tumbler {
@@ -32,45 +31,43 @@ constexpr int kLongest = 1 << 20;
                                          const SequenceGraph<float>& graph,
                                          std::span<const Primitive<float>> primitives,
                                          std::span<Drive* const> drives,
-                                         const ExecutorSensor& sensor) noexcept {
-  if (state_ != ExecutorState::kDisarmed) return Status::kWouldBlock;
+                                         PitchEstimate* pitch) noexcept {
+  if (phase_ != Phase::kDisarmed) return Status::kWouldBlock;
   const auto count = static_cast<int>(drives.size());
   if (!IsPlayable(config, graph, primitives, count) ||
       std::ranges::find(drives, nullptr) != drives.end() ||
-      (sensor.device != nullptr && !sensor.settings.IsValid())) {
+      (pitch != nullptr && !pitch->IsValid())) {
     return Status::kInvalidArgument;
   }
 
   config_ = config;
-  graph_ = graph;
+  sequencer_.Configure(graph, {config.cycles, config.branch, config.get_ups_max});
   primitives_ = primitives;
   joint_count_ = count;
   time_per_tick_s_ = config.period_s * config.speed;
   primitive_time_s_ = 0;
-  keep_torque_ = false;
-  cycles_done_ = get_ups_ = 0;
-  fell_in_ = 0;
-  cycle_unchecked_ = false;
+  hold_ = {};
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);
     joints_[index] = Joint{};
     joints_[index].drive = drives[index];
     joints_[index].replies = ReplyWatch(drives[index]->reply_rhythm());
   }
-  sensor_ = sensor.device;
-  sensor_watch_.Configure(sensor.settings, config.period_s);
-  corrects_ = false;
-  SetNode(graph_.start);
+  pitch_ = pitch;
+  if (pitch != nullptr) pitch->Start(config.period_s);
+  feedback_ = FeedbackController(config.speed);
+  SetNode(graph.start);
   return Status::kOk;
 }
 
 void Executor::SetNode(int node) noexcept {
-  node_ = node;
-  primitive_ = &primitives_[static_cast<std::size_t>(graph_.node(node).primitive)];
+  const SequenceGraph<float>& graph = sequencer_.graph();
+  sequencer_.EnterNode(node);
+  primitive_ = &primitives_[static_cast<std::size_t>(graph.node(node).primitive)];
   run_ticks_ = CeilTicks(primitive_->duration_s / time_per_tick_s_);
   for (int i = 0; i < joint_count_; ++i) {
     Joint& joint = joints_[static_cast<std::size_t>(i)];
-    const auto role = static_cast<std::size_t>(graph_.RoleOf(node, i));
+    const auto role = static_cast<std::size_t>(graph.RoleOf(node, i));
     joint.motion = &primitive_->joints[role];
     joint.limits = MakeSafetyLimits(joint.motion->limits, config_.period_s, config_.torque_rise_s);
     joint.acceleration_max_rad_s2 = joint.motion->limits.acceleration_max_rad_s2;
@@ -78,44 +75,8 @@ void Executor::SetNode(int node) noexcept {
     joint.shares_position_knots = joint.motion->position.HasKnotsOf(first.position);
     joint.shares_torque_knots = joint.motion->torque.HasKnotsOf(first.torque);
   }
-  if (sensor_ != nullptr) SetFeedback();
-}
-
-int Executor::NextEdgeHere() const noexcept {
-  SequenceRequest request =
-      PlannedRequest(config_.cycles, graph_.BranchName(config_.branch), cycles_done_, branched_);
-  if (wanted_branch_ >= 0) request.branch = graph_.BranchName(wanted_branch_);
-  request.stop = finish_;
-  return NextEdge(graph_, node_, cycles_done_, request);
-}
-
-void Executor::FollowEdge(int edge) noexcept {
-  if (graph_.edge(edge).when == EdgeCondition::kBranch) {
-    const std::string_view taken = graph_.BranchName(edge);
-    if (wanted_branch_ >= 0 && graph_.BranchName(wanted_branch_) == taken) {
-      wanted_branch_ = -1;
-    } else {
-      branched_ = true;
-    }
-  }
-  const int node = InPlaceOf(graph_.edge(edge).to);
-  const Primitive<float>& next = primitives_[static_cast<std::size_t>(graph_.node(node).primitive)];
-  const float tolerance = next.entry_tolerance_rad;
-  for (int i = 0; i < joint_count_; ++i) {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
-    const auto role = static_cast<std::size_t>(graph_.RoleOf(node, i));
-    const float start = next.joints[role].position.control_points()[0];
-    // A correction is meant to be there.
-    const float error = Magnitude(joint.measured.position_rad - joint.correction_rad - start);
-    // Negated, so that an error that is not a number is a fault too. The robot then still is at the
-    // end of its node.
-    if (!(error <= tolerance)) {
-      return Latch(Fault::kEntryMissed, i, DetailNumber::Real(error),
-                   DetailNumber::Real(tolerance));
-    }
-  }
-  SetNode(node);
-  Enter(ExecutorState::kRunning);
+  if (pitch_ != nullptr)
+    feedback_.SetMotion(*primitive_, graph, node, pitch_->chain(), joint_count_);
 }
 
 bool Executor::AtRest() const noexcept {
@@ -125,118 +86,192 @@ bool Executor::AtRest() const noexcept {
   return true;
 }
 
+// Of the robot from where its node leaves it; 0 where nothing tells.
 float Executor::FarFromEnd() const noexcept {
-  if (sensor_ == nullptr || graph_.beginning_count == 0 ||
-      sensor_watch_.status() != SensorStatus::kOk) {
-    return 0;
-  }
-  const float planned = graph_.last_pitch_rad[static_cast<std::size_t>(node_)];
-  return Magnitude(WithoutTurns(sensor_watch_.pitch_rad() - planned));
+  if (!TellsFalls() || pitch_->status() != SensorStatus::kOk) return 0;
+  return sequencer_.FarFromEnd(pitch_->pitch_rad());
 }
 
 // At the end of a node: the next one begins, or the sequence ends. The edge is chosen anew in every
 // tick: until it is taken, the operator may still decide.
 void Executor::EndNode() noexcept {
-  const int edge = NextEdgeHere();
-  const float settle_s = edge < 0 ? primitive_->settle_s : graph_.edge(edge).settle_s;
+  const int edge = sequencer_.NextEdge(IsGoingHome(phase_));
+  const float settle_s = edge < 0 ? primitive_->settle_s : graph().edge(edge).settle_s;
   const std::int64_t settle_ticks = CeilTicks(settle_s / config_.period_s);
-  if (ticks_in_state_ < settle_ticks || !AtRest()) return;
-  if (sensor_ != nullptr && graph_.beginning_count > 0) {
-    if (sensor_watch_.status() != SensorStatus::kOk) {
-      if (AnswerUnclear(ticks_in_state_ - settle_ticks)) return;
+  if (ticks_in_phase_ < settle_ticks || !AtRest()) return;
+  if (TellsFalls()) {
+    if (pitch_->status() != SensorStatus::kOk) {
+      if (AnswerUnclear(ticks_in_phase_ - settle_ticks)) return;
       // Negated, so that a pitch that is not a number is a fall, too.
-    } else if (!(FarFromEnd() <= graph_.beginning_within_rad) && AnswerFall()) {
+    } else if (!(FarFromEnd() <= graph().beginning_within_rad) && AnswerFall()) {
       return;
     }
   }
-  cycle_unchecked_ = false;
+  sequencer_.ConfirmCycle();
   if (edge < 0) {
-    Enter(ExecutorState::kHolding);
+    Enter(Phase::kHolding);  // It keeps the feed-forward.
   } else {
     FollowEdge(edge);
   }
 }
 
+void Executor::FollowEdge(int edge) noexcept {
+  const int node = sequencer_.Follow(edge);
+  const Primitive<float>& next =
+      primitives_[static_cast<std::size_t>(graph().node(node).primitive)];
+  const float tolerance = next.entry_tolerance_rad;
+  for (int i = 0; i < joint_count_; ++i) {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const auto role = static_cast<std::size_t>(graph().RoleOf(node, i));
+    const float start = next.joints[role].position.control_points()[0];
+    // A correction is meant to be there.
+    const float error =
+        Magnitude(joint.measured.position_rad - feedback_.correction_rad(i) - start);
+    // Negated, so that an error that is not a number is a fault too. The robot then still is at the
+    // end of its node.
+    if (!(error <= tolerance)) {
+      return Latch(Fault::kEntryMissed, i, DetailNumber::Real(error),
+                   DetailNumber::Real(tolerance));
+    }
+  }
+  Play(node, IsGoingHome(phase_) ? Phase::kRunningHome : Phase::kRunning);
+}
+
 // Gets up, or ends in a fault. Returns whether either is done: the fault may be one to ignore.
 bool Executor::AnswerFall() noexcept {
-  fall_rad_ = FarFromEnd();
+  const float fall_rad = FarFromEnd();
   // After a fault the robot is on its way to where it can stay, and whoever wants the run to end
   // does not expect that it begins anew.
-  if (get_ups_ < config_.get_ups_max && earlier_faults_ == 0 && !finish_ &&
+  if (sequencer_.MayGetUp() && earlier_faults_ == 0 &&
       CheckFirstLimits().refusal == Refusal::kNone) {
-    TakeCycleBack();
-    NoteFall();
-    ++get_ups_;
-    SetNode(graph_.start);
-    StartMove();
-    gets_up_ = true;
+    sequencer_.GetUp();
+    StartMove(Phase::kGettingUp);
+    move_.fall_rad = fall_rad;
     return true;
   }
-  LatchFall();
-  return state_ == ExecutorState::kFault;
+  LatchFall(fall_rad);
+  return IsFault(phase_);
 }
 
 // The sensor is not ok, and nothing else tells whether the robot has fallen. A robot on its side
 // shows as a tilt out of its plane, and does not get up. Returns whether the node's end has to
 // wait, or has ended in a fault: that may be one to ignore.
 bool Executor::AnswerUnclear(std::int64_t waited_ticks) noexcept {
-  const SensorStatus status = sensor_watch_.status();
-  const float tilt_rad = sensor_watch_.tilt_rad();
+  const SensorStatus status = pitch_->status();
+  const float tilt_rad = pitch_->tilt_rad();
   const bool may_clear = status < SensorStatus::kFrozen;
-  const bool may_come_to_rest = tilt_rad > 0 && !sensor_watch_.tilt_rests();
+  const bool may_come_to_rest = tilt_rad > 0 && !pitch_->tilt_rests();
   if ((may_clear || may_come_to_rest) && waited_ticks < CeilTicks(kLieStill_s / config_.period_s))
     return true;
   const std::uint32_t known = 1U << static_cast<unsigned>(Fault::kPitchUnknown);
   if (tilt_rad > 0) {
-    fall_rad_ = tilt_rad;
-    TakeCycleBack();
-    LatchFall();
+    sequencer_.TakeCycleBack();
+    LatchFall(tilt_rad);
   } else if ((earlier_faults_ & known) == 0) {  // On the way home it has been answered.
     Latch(Fault::kPitchUnknown, -1, DetailNumber::Integer(static_cast<std::int64_t>(status)), {});
   }
-  return state_ == ExecutorState::kFault;
+  return IsFault(phase_);
 }
 
-// What a robot falls in is not tried again and again where there is another way: that is taken
-// until it falls there, too.
-void Executor::NoteFall() noexcept {
-  static_assert(kMaxSequenceNodes <= 32);
-  for (int i = 0; i < graph_.node_count; ++i) {
-    if (graph_.node(i).after_fall == node_) fell_in_ &= ~(1U << static_cast<unsigned>(i));
-  }
-  if (graph_.node(node_).after_fall >= 0) fell_in_ |= 1U << static_cast<unsigned>(node_);
-}
-
-int Executor::InPlaceOf(int node) const noexcept {
-  return (fell_in_ >> static_cast<unsigned>(node) & 1U) != 0 ? graph_.node(node).after_fall : node;
-}
-
-void Executor::CountCycle() noexcept {
-  if (!graph_.node(node_).ends_cycle) return;
-  ++cycles_done_;
-  cycle_unchecked_ = true;
-}
-
-// A cycle that ended in a fall was not complete.
-void Executor::TakeCycleBack() noexcept {
-  if (cycle_unchecked_) --cycles_done_;
-  cycle_unchecked_ = false;
-}
-
-void Executor::LatchFall() noexcept {
-  Latch(Fault::kFallen, -1, DetailNumber::Real(fall_rad_),
-        DetailNumber::Real(graph_.beginning_within_rad));
+void Executor::LatchFall(float fall_rad) noexcept {
+  Latch(Fault::kFallen, -1, DetailNumber::Real(fall_rad),
+        DetailNumber::Real(graph().beginning_within_rad));
 }
 
 // Goes on with the beginning in whose pose the robot lies, its joints at the start.
 void Executor::BeginAnew() noexcept {
-  int node = graph_.start;
+  int node = graph().start;
   if (CheckBeginning(node).refusal == Refusal::kNone) {
-    SetNode(node);
-    Enter(ExecutorState::kRunning);
-  } else if (ticks_in_state_ >= move_ticks_ + CeilTicks(kLieStill_s / config_.period_s)) {
-    LatchFall();
+    Play(node, Phase::kRunning);
+  } else if (ticks_in_phase_ >= move_.ticks + CeilTicks(kLieStill_s / config_.period_s)) {
+    LatchFall(move_.fall_rad);
   }
+}
+
+void Executor::Enter(Phase phase) noexcept {
+  phase_ = phase;
+  ticks_in_phase_ = 0;
+}
+
+void Executor::BeginArming() noexcept {
+  hold_.keeps_torque = false;
+  primitive_time_s_ = 0;
+  if (pitch_ != nullptr) pitch_->Trust();
+  for (Joint& joint : joints()) {
+    joint.was_off = joint.was_enabled = false;
+    joint.replies.ForgetSequenceErrors();
+  }
+  Enter(Phase::kArming);
+}
+
+// To where the sequence begins.
+void Executor::StartMove(Phase phase) noexcept {
+  SetNode(graph().start);
+  hold_.keeps_torque = false;
+  move_ = {MoveTicks(), 0};
+  Enter(phase);
+}
+
+void Executor::Play(int node, Phase phase) noexcept {
+  SetNode(node);
+  primitive_time_s_ = 0;
+  feedback_.Begin();
+  Enter(phase);
+}
+
+// The feed-forward at the end of a motion carries the robot in its last pose, so a hold keeps it. A
+// feed-forward from the middle of a motion would not fit the pose that is held.
+void Executor::Settle(Phase phase) noexcept {
+  hold_.keeps_torque = true;
+  Enter(phase);
+}
+
+// Of a motion, and of a cycle: nobody waits for the end of the node to look where the robot is.
+void Executor::BreakOff() noexcept {
+  if (!(FarFromEnd() <= graph().beginning_within_rad)) sequencer_.TakeCycleBack();
+  if (IsOnTheWay(phase_)) hold_.keeps_torque = false;
+}
+
+// A hold, or the answer to a fault, goes on while the robot is lowered, and so does its time.
+void Executor::Lower() noexcept {
+  if (IsLowering(phase_)) return;
+  lowering_ = {};
+  phase_ = IsFault(phase_) ? Phase::kLoweringInFault : Phase::kLowering;
+}
+
+void Executor::Disarm() noexcept {
+  BreakOff();
+  answer_ = {};
+  for (Joint& joint : joints()) {
+    if (!joint.was_enabled) continue;
+    joint.left_rad = joint.commanded.position_rad;
+    joint.was_left = true;
+    joint.was_enabled = false;
+  }
+  Enter(Phase::kDisarmed);
+}
+
+// With a pitch.
+inline void Executor::Correct(int elapsed, TickRecord& record) noexcept {
+  const bool moving = IsRunning(phase_) || answer_.reaction == Reaction::kRollOut;
+  // A hold after a motion keeps its feedback as it keeps its feed-forward.
+  const bool holds = feedback_.acts() && hold_.keeps_torque &&
+                     answer_.reaction <= Reaction::kHold && !IsLowering(phase_) &&
+                     phase_ != Phase::kDisarmed;
+  if (moving || holds) {
+    const float time_s = static_cast<float>(elapsed) * config_.period_s;
+    feedback_.Correct(*pitch_, joints(), moving, primitive_time_s_, time_s, record);
+  } else {
+    feedback_.Rest(joint_count_, record);
+  }
+  SensorRecord& sensor = record.sensor;
+  sensor.pitch_rad = pitch_->pitch_rad();
+  sensor.rate_rad_s = pitch_->rate_rad_s();
+  sensor.error_rad = feedback_.error_rad();
+  sensor.rate_error_rad_s = feedback_.rate_error_rad_s();
+  sensor.share = feedback_.share();
+  sensor.age_ticks = pitch_->age_ticks();
+  sensor.status = pitch_->status();
 }
 
 void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING {
@@ -255,28 +290,28 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   ticked_ = true;
   refusal_ = {};
 
-  ticks_in_state_ += advance;
+  ticks_in_phase_ += advance;
 
   TakeReplies(input, passed);
-  if (state_ != ExecutorState::kDisarmed) DetectFaults(input, elapsed);
+  if (phase_ != Phase::kDisarmed) DetectFaults(input, elapsed);
   Obey(input);
 
   TickRecord& record = output.record;
-  const int node_played = node_;
+  const int node_played = sequencer_.node();
   Plan(advance, record);
-  if (sensor_ != nullptr) Correct(advance, record);
-  record.state = state_;
+  if (pitch_ != nullptr) Correct(advance, record);
+  record.state = state();
   Send(advance, output);
   Advance(record);
 
   record.tick = tick_;
   record.primitive_time_s = primitive_time_s_;
   record.faults = faults_ | earlier_faults_;
-  record.reaction = reaction_;
+  record.reaction = answer_.reaction;
   record.command = input.command;
   record.joint_count = static_cast<std::uint8_t>(joint_count_);
   record.node = static_cast<std::int8_t>(node_played);
-  record.cycles = cycles_done_;
+  record.cycles = sequencer_.cycles_done();
   record.first_fault = first_fault_;
   record.refusal = refusal_;
 }
@@ -287,12 +322,9 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
   int first = 0;
   foreign_joint_ = -1;
   for (const ReceivedFrame& received : input.received) {
-    if (sensor_ != nullptr && sensor_->Owns(received.frame)) {
-      const InertialPart part = sensor_->Decode(received.frame);
-      if (part != InertialPart::kNone) {
-        sensor_watch_.Count(part, sensor_->reading(), AgeOf(received));
-        continue;
-      }
+    if (pitch_ != nullptr && pitch_->Owns(received.frame) &&
+        pitch_->Take(received.frame, AgeOf(received))) {
+      continue;
     }
     int asked = 0;
     for (int i = first; asked < joint_count_; ++asked) {
@@ -313,7 +345,7 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
     }
     joint.drive_state = joint.drive->state();
   }
-  if (sensor_ != nullptr) sensor_watch_.EndTick(elapsed, sensor_->reading());
+  if (pitch_ != nullptr) pitch_->EndTick(elapsed, joints());
 }
 
 inline std::int32_t Executor::AgeOf(const ReceivedFrame& received) const noexcept {
@@ -328,56 +360,19 @@ std::int32_t Executor::AgeOfOld(std::int64_t frame_ns) const noexcept {
   return static_cast<std::int32_t>(std::min<std::int64_t>(age, kLongest));
 }
 
-void Executor::Enter(ExecutorState state) noexcept {
-  // Here nobody waits for the end of the node to look where the robot is.
-  const bool broken_off = state == ExecutorState::kStopping || state == ExecutorState::kFault ||
-                          state == ExecutorState::kDisarmed;
-  if (broken_off && !(FarFromEnd() <= graph_.beginning_within_rad)) TakeCycleBack();
-  // The feed-forward at the end of a motion carries the robot in its last pose, so a hold keeps it.
-  // A feed-forward from the middle of a motion would not fit the pose that is held.
-  const bool moving = state_ == ExecutorState::kMovingToStart || state_ == ExecutorState::kRunning;
-  if (state == ExecutorState::kSettling) {
-    keep_torque_ = true;
-  } else if (moving || state == ExecutorState::kMovingToStart || state == ExecutorState::kArming) {
-    keep_torque_ = false;
-  }
-  if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
-  starts_ = state == ExecutorState::kRunning;
-  if (state == ExecutorState::kDisarmed) {
-    lowering_ = false;
-    lowering_ticks_ = 0;
-    React(Reaction::kIgnore);
-    for (Joint& joint : joints()) {
-      if (!joint.was_enabled) continue;
-      joint.left_rad = joint.commanded.position_rad;
-      joint.was_left = true;
-      joint.was_enabled = false;
-    }
-  }
-  if (state == ExecutorState::kArming) {
-    sensor_watch_.Trust();
-    for (Joint& joint : joints()) {
-      joint.was_off = joint.was_enabled = false;
-      joint.replies.ForgetSequenceErrors();
-    }
-  }
-  gets_up_ = false;
-  state_ = state;
-  ticks_in_state_ = 0;
-}
-
 void Executor::Send(int elapsed, TickOutput& output) noexcept {
-  const bool armed = state_ != ExecutorState::kDisarmed && reaction_ != Reaction::kDisable;
-  const bool damped = reaction_ == Reaction::kDamp;
+  const bool armed = phase_ != Phase::kDisarmed && answer_.reaction != Reaction::kDisable;
+  const bool damped = answer_.reaction == Reaction::kDamp;
+  const bool lowers = IsLowering(phase_);
   float lowered = 1;  // share of stiffness and feed-forward that is left
-  if (lowering_) {
-    lowering_ticks_ += elapsed;
-    lowered = std::max(0.0F, 1 - static_cast<float>(lowering_ticks_) * config_.period_s / kLower_s);
+  if (lowers) {
+    lowering_.ticks += elapsed;
+    lowered = std::max(0.0F, 1 - static_cast<float>(lowering_.ticks) * config_.period_s / kLower_s);
   }
   // Whether gains and feed-forward are others than those of the configuration and the plan.
   // A fault of a joint may change the reaction for the next tick, and not for the joints after it.
-  const bool folds_softly = reaction_ == Reaction::kCollapse;
-  const bool changed = lowering_ || damped || !armed || folds_softly;
+  const bool folds_softly = answer_.reaction == Reaction::kCollapse;
+  const bool changed = lowers || damped || !armed || folds_softly;
   DriveRequest request = DriveRequest::kEnable;
   if (!armed) {
     request = unarmed_request_;
@@ -412,7 +407,7 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
       Latch(Fault::kNonFinite, i, DetailNumber::Real(record.planned.position_rad), {});
 
     const DriveSetpoint encoded = joint.drive->encoded_setpoint();
-    if (state_ == ExecutorState::kArming && joint.drive_state != DriveState::kEnabled &&
+    if (phase_ == Phase::kArming && joint.drive_state != DriveState::kEnabled &&
         IsFinite(encoded.position_rad)) {
       // While arming, a drive may be sent the position of a moment ago. It will be held there.
       joint.commanded.position_rad = std::clamp(encoded.position_rad, joint.limits.position_min_rad,
@@ -440,8 +435,8 @@ void Executor::Advance(const TickRecord& record) noexcept {
     }
     return true;
   };
-  switch (state_) {
-    case ExecutorState::kArming: {
+  switch (phase_) {
+    case Phase::kArming: {
       int waiting = -1;
       for (int i = joint_count_ - 1; i >= 0; --i) {
         // A drive that has been let go may say that it is enabled until it says something new. So
@@ -452,43 +447,50 @@ void Executor::Advance(const TickRecord& record) noexcept {
         if (joint.drive_state != DriveState::kEnabled || !joint.was_off) waiting = i;
       }
       if (waiting < 0) {
-        Enter(ExecutorState::kHolding);
-      } else if (ticks_in_state_ >= config_.arming_ticks_max) {
-        Latch(Fault::kArmingTimeout, waiting, DetailNumber::Integer(ticks_in_state_),
+        Enter(Phase::kHolding);
+      } else if (ticks_in_phase_ >= config_.arming_ticks_max) {
+        Latch(Fault::kArmingTimeout, waiting, DetailNumber::Integer(ticks_in_phase_),
               DetailNumber::Integer(config_.arming_ticks_max));
       }
       break;
     }
-    case ExecutorState::kMovingToStart:
-      if (ticks_in_state_ < move_ticks_ || !reached()) break;
-      if (gets_up_ && !finish_) {
-        BeginAnew();
+    case Phase::kMovingToStart:
+      if (ticks_in_phase_ >= move_.ticks && reached()) Enter(Phase::kHolding);
+      break;
+    case Phase::kGettingUp:
+      if (ticks_in_phase_ < move_.ticks || !reached()) break;
+      if (sequencer_.finishes()) {
+        Enter(Phase::kHolding);
       } else {
-        Enter(ExecutorState::kHolding);
+        BeginAnew();
       }
       break;
-    case ExecutorState::kRunning:
-      if (ticks_in_state_ >= run_ticks_ && reached()) {
-        CountCycle();
-        Enter(ExecutorState::kSettling);
+    case Phase::kRunning:
+    case Phase::kRunningHome:
+      if (ticks_in_phase_ >= run_ticks_ && reached()) {
+        sequencer_.EndMotion();
+        Settle(IsGoingHome(phase_) ? Phase::kSettlingHome : Phase::kSettling);
       }
       break;
-    case ExecutorState::kSettling:
+    case Phase::kSettling:
+    case Phase::kSettlingHome:
       EndNode();
       break;
-    case ExecutorState::kStopping:
-      if (AtRest()) Enter(ExecutorState::kHolding);
+    case Phase::kStopping:
+      if (AtRest()) Enter(Phase::kHolding);
       break;
-    case ExecutorState::kFault:
+    case Phase::kFault:
+    case Phase::kLoweringInFault:
       // A motion that was rolled out is held like one that has settled.
-      if (reaction_ == Reaction::kRollOut && ticks_in_state_ >= run_ticks_ && reached()) {
-        CountCycle();
-        keep_torque_ = true;
-        React(Reaction::kHold);
+      if (answer_.reaction == Reaction::kRollOut && ticks_in_phase_ >= run_ticks_ && reached()) {
+        sequencer_.EndMotion();
+        hold_.keeps_torque = true;
+        answer_.reaction = Reaction::kHold;
       }
       break;
-    case ExecutorState::kDisarmed:
-    case ExecutorState::kHolding:
+    case Phase::kDisarmed:
+    case Phase::kHolding:
+    case Phase::kLowering:
       break;
   }
 }

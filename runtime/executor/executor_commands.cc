@@ -1,6 +1,5 @@
 // The operator's commands, and their refusals.
 
-#include "common/core/feedback.h"
 #include "runtime/executor/executor.h"
 #include "runtime/executor/numbers.h"
 
@@ -26,77 +25,69 @@ void Executor::Obey(const TickInput& input) noexcept {
     case OperatorCommand::kNone:
       return;
     case OperatorCommand::kArm:
-      if (state_ == ExecutorState::kDisarmed && joint_count_ > 0) SetNode(graph_.start);
+      if (phase_ == Phase::kDisarmed && joint_count_ > 0) SetNode(graph().start);
       refusal_ = CheckArm();
-      if (refusal_.refusal == Refusal::kNone) Enter(ExecutorState::kArming);
+      if (refusal_.refusal == Refusal::kNone) BeginArming();
       return;
     case OperatorCommand::kMoveToStart:
       refusal_ = CheckMove();
-      if (refusal_.refusal != Refusal::kNone) return;
-      SetNode(graph_.start);
-      StartMove();
+      if (refusal_.refusal == Refusal::kNone) StartMove(Phase::kMovingToStart);
       return;
     case OperatorCommand::kRun: {
-      int node = graph_.start;
+      int node = graph().start;
       refusal_ = CheckRun(node);
       if (refusal_.refusal != Refusal::kNone) return;
-      SetNode(node);
-      cycles_done_ = get_ups_ = 0;
-      fell_in_ = 0;
-      wanted_branch_ = -1;
-      branched_ = finish_ = cycle_unchecked_ = false;
-      Enter(ExecutorState::kRunning);
+      sequencer_.BeginRun();
+      Play(node, Phase::kRunning);
       return;
     }
     case OperatorCommand::kStop: {
-      if (state_ == ExecutorState::kDisarmed || state_ == ExecutorState::kHolding ||
-          state_ == ExecutorState::kStopping) {
+      if (const ExecutorState now = state(); now == ExecutorState::kDisarmed ||
+                                             now == ExecutorState::kHolding ||
+                                             now == ExecutorState::kStopping) {
         return;  // Nothing moves, but a stop is never refused.
       }
       const Reaction reaction = ReactionTo(Fault::kOperatorStop);
-      const bool plain = reaction == Reaction::kHold && state_ != ExecutorState::kFault;
-      if (plain) {
-        Enter(ExecutorState::kStopping);
+      if (reaction == Reaction::kHold && !IsFault(phase_)) {
+        BreakOff();
+        Enter(Phase::kStopping);
       } else {
         Latch(Fault::kOperatorStop, -1, {}, {});
       }
       return;
     }
     case OperatorCommand::kDisarm:
-      Enter(ExecutorState::kDisarmed);
+      Disarm();
       return;
     case OperatorCommand::kClearFaults:
-      if (state_ != ExecutorState::kDisarmed) return refuse(Refusal::kWrongState);
+      if (phase_ != Phase::kDisarmed) return refuse(Refusal::kWrongState);
       faults_ = earlier_faults_ = 0;
       first_fault_ = {};
       unarmed_request_ = DriveRequest::kClearErrors;
       return;
     case OperatorCommand::kFinish:
-      finish_ = finish_ || InSequence();
+      if (IsInSequence(phase_)) sequencer_.Finish();
       return;  // Nothing is played, but a request to end is never refused.
     case OperatorCommand::kBranch:
-      if (!InSequence()) return refuse(Refusal::kWrongState);
-      if (graph_.BranchName(input.branch).empty()) {
+      if (!IsInSequence(phase_)) return refuse(Refusal::kWrongState);
+      if (graph().BranchName(input.branch).empty()) {
         refusal_ = {DetailNumber::Integer(input.branch), {}, Refusal::kNoSuchBranch, -1};
         return;
       }
-      wanted_branch_ = input.branch;
+      sequencer_.Want(input.branch);
       return;
     case OperatorCommand::kLower:
-      if (state_ != ExecutorState::kHolding && state_ != ExecutorState::kFault)
+      if (state() != ExecutorState::kHolding && !IsFault(phase_))
         return refuse(Refusal::kWrongState);
-      lowering_ = true;
-      React(reaction_);
-      return;
+      return Lower();
     case OperatorCommand::kGoHome:
       refusal_ = CheckGoHome();
       if (refusal_.refusal != Refusal::kNone) return;
       earlier_faults_ |= faults_;
       faults_ = 0;
-      React(Reaction::kIgnore);
-      finish_ = true;
+      answer_ = {};
       for (Joint& joint : joints()) joint.replies.ForgetSequenceErrors();
-      Enter(ExecutorState::kSettling);
+      Settle(Phase::kSettlingHome);
       return;
   }
   refuse(Refusal::kWrongState);  // The command is none of the enumerators.
@@ -104,7 +95,7 @@ void Executor::Obey(const TickInput& input) noexcept {
 
 RefusalDetail Executor::CheckArm() const noexcept {
   if (joint_count_ == 0) return {{}, {}, Refusal::kNotConfigured, -1};
-  if (state_ != ExecutorState::kDisarmed) return {{}, {}, Refusal::kWrongState, -1};
+  if (phase_ != Phase::kDisarmed) return {{}, {}, Refusal::kWrongState, -1};
   if ((faults_ | earlier_faults_) != 0) return {{}, {}, Refusal::kFaultLatched, -1};
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
@@ -171,13 +162,13 @@ RefusalDetail Executor::CheckKnown(int joint) const noexcept {
 }
 
 const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
-  const SequenceNode& node = graph_.node(graph_.start);
-  const auto role = static_cast<std::size_t>(graph_.RoleOf(graph_.start, joint));
+  const SequenceNode& node = graph().node(graph().start);
+  const auto role = static_cast<std::size_t>(graph().RoleOf(graph().start, joint));
   return primitives_[static_cast<std::size_t>(node.primitive)].joints[role];
 }
 
 RefusalDetail Executor::CheckMove() const noexcept {
-  if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
+  if (phase_ != Phase::kHolding) return {{}, {}, Refusal::kWrongState, -1};
   return CheckFirstLimits();
 }
 
@@ -198,8 +189,8 @@ RefusalDetail Executor::CheckFirstLimits() const noexcept {
 
 RefusalDetail Executor::CheckGoHome() const noexcept {
   // The feed-forward at the end of a node is kept in its pose, and in no other.
-  const bool at_end = keep_torque_ && reaction_ == Reaction::kHold && !lowering_;
-  if (state_ != ExecutorState::kFault || !at_end) return {{}, {}, Refusal::kWrongState, -1};
+  const bool at_end = hold_.keeps_torque && answer_.reaction == Reaction::kHold;
+  if (phase_ != Phase::kFault || !at_end) return {{}, {}, Refusal::kWrongState, -1};
   // From where a robot has fallen to no motion leads on.
   const std::uint32_t fallen = 1U << static_cast<unsigned>(Fault::kFallen);
   if (((faults_ | earlier_faults_) & fallen) != 0) return {{}, {}, Refusal::kFaultLatched, -1};
@@ -216,49 +207,39 @@ RefusalDetail Executor::CheckGoHome() const noexcept {
   return {};
 }
 
-float Executor::FarFromBeginning(bool told, int& node) const noexcept {
-  float nearest = 1e9F;
-  for (const SequenceBeginning<float>& beginning : graph_.beginnings()) {
-    if (told && beginning.node != config_.begin) continue;
-    const float off = Magnitude(WithoutTurns(sensor_watch_.pitch_rad() - beginning.pitch_rad));
-    if (!(off < nearest)) continue;
-    nearest = off;
-    node = beginning.node;
-  }
-  return nearest;
-}
-
 /// Finds the node with which a run begins, by how the robot lies.
 RefusalDetail Executor::FindBeginning(int& node) const noexcept {
-  const bool told = config_.begin >= 0 && !gets_up_;  // What was said before the fall is over.
-  node = told ? config_.begin : graph_.start;
-  if (sensor_ == nullptr || graph_.beginning_count == 0) return {};
-  const SensorStatus status = sensor_watch_.status();
+  // What was said before the fall is over.
+  const bool told = config_.begin >= 0 && phase_ != Phase::kGettingUp;
+  node = told ? config_.begin : graph().start;
+  if (!TellsFalls()) return {};
+  const SensorStatus status = pitch_->status();
   if (status != SensorStatus::kOk) {
     if (told) return {};  // Where the sensor is silent, somebody else has looked.
     return {DetailNumber::Integer(static_cast<std::int64_t>(status)),
             DetailNumber::Integer(static_cast<std::int64_t>(SensorStatus::kOk)),
             Refusal::kPitchUnknown, -1};
   }
-  const float rate = Magnitude(sensor_watch_.rate_rad_s());
+  const float rate = Magnitude(pitch_->rate_rad_s());
   if (!(rate <= kLying_rad_s))
     return {DetailNumber::Real(rate), DetailNumber::Real(kLying_rad_s), Refusal::kNotAtRest, -1};
-  const float nearest = FarFromBeginning(told, node);
-  if (nearest <= graph_.beginning_within_rad) return {};
-  return {DetailNumber::Real(nearest), DetailNumber::Real(graph_.beginning_within_rad),
+  const float nearest =
+      sequencer_.NearestBeginning(pitch_->pitch_rad(), told ? config_.begin : -1, node);
+  if (nearest <= graph().beginning_within_rad) return {};
+  return {DetailNumber::Real(nearest), DetailNumber::Real(graph().beginning_within_rad),
           Refusal::kLiesOtherwise, -1};
 }
 
 RefusalDetail Executor::CheckRun(int& node) const noexcept {
-  if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
+  if (phase_ != Phase::kHolding) return {{}, {}, Refusal::kWrongState, -1};
   return CheckBeginning(node);
 }
 
 RefusalDetail Executor::CheckBeginning(int& node) const noexcept {
   if (const RefusalDetail lies = FindBeginning(node); lies.refusal != Refusal::kNone) return lies;
-  if (gets_up_) node = InPlaceOf(node);
+  if (phase_ == Phase::kGettingUp) node = sequencer_.InPlaceOf(node);
   const float tolerance =
-      primitives_[static_cast<std::size_t>(graph_.node(node).primitive)].entry_tolerance_rad;
+      primitives_[static_cast<std::size_t>(graph().node(node).primitive)].entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto name = static_cast<std::int8_t>(i);

@@ -26,12 +26,13 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
   if (foreign_joint_ >= 0) {
     Latch(Fault::kForeignCommand, foreign_joint_, DetailNumber::Code(foreign_id_), {});
   }
-  if (sensor_ != nullptr && sensor_watch_.status() != SensorStatus::kOk) {
+  if (pitch_ != nullptr && pitch_->status() != SensorStatus::kOk) {
     Latch(Fault::kSensorLost, -1,
-          DetailNumber::Integer(static_cast<std::int64_t>(sensor_watch_.status())), {});
+          DetailNumber::Integer(static_cast<std::int64_t>(pitch_->status())), {});
   }
   // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
-  const bool follows = state_ != ExecutorState::kArming && follows_;
+  const bool follows = phase_ == Phase::kFault ? KeepsGains(answer_.reaction)
+                                               : phase_ != Phase::kArming && !IsLowering(phase_);
   const float following_tolerance_rad = primitive_->following_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
@@ -77,9 +78,9 @@ void Executor::DetectLateness(std::int64_t elapsed) noexcept {
   const std::int64_t missed = elapsed - 1;
   if (missed >= 0 && missed <= config_.late_ticks_max) return;
   // A motion that is already rolled out becomes later still.
-  if (reaction_ == Reaction::kRollOut) {
-    late_ticks_ += missed;
-    if (IsTooLate(*abort_, late_ticks_)) React(Reaction::kDamp);
+  if (answer_.reaction == Reaction::kRollOut) {
+    answer_.late_ticks += missed;
+    if (IsTooLate(*answer_.abort, answer_.late_ticks)) answer_.reaction = Reaction::kDamp;
   }
   Latch(Fault::kLateTick, -1, DetailNumber::Integer(missed),
         DetailNumber::Integer(config_.late_ticks_max));
@@ -90,8 +91,9 @@ void Executor::DetectStaleReply(int index) noexcept {
   Latch(Fault::kStaleReply, index, DetailNumber::Integer(silent_ticks),
         DetailNumber::Integer(config_.stale_ticks_max));
   // What an abort counts on is that the drives obey.
-  const bool aborts = reaction_ == Reaction::kRollOut || reaction_ == Reaction::kFold;
-  if (aborts && silent_ticks > kSilence * config_.stale_ticks_max) React(Reaction::kDamp);
+  const bool aborts = answer_.reaction == Reaction::kRollOut || answer_.reaction == Reaction::kFold;
+  if (aborts && silent_ticks > kSilence * config_.stale_ticks_max)
+    answer_.reaction = Reaction::kDamp;
 }
 
 void Executor::DetectLinkFaults(const TickInput& input) noexcept {
@@ -124,7 +126,7 @@ void Executor::DetectDriveFaults(int index) noexcept {
   }
   const bool stays =
       joint.drive_state == DriveState::kEnabled || joint.drive_state == DriveState::kLost;
-  const bool driven = reaction_ != Reaction::kDisable;
+  const bool driven = answer_.reaction != Reaction::kDisable;
   if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
       (driven && joint.was_enabled && !stays)) {
     Latch(Fault::kDriveError, index, DetailNumber::Code(joint.drive->feedback().error), {});
@@ -151,27 +153,25 @@ void Executor::NoteForeignCommand(const CanFrame& frame) noexcept {
   if (reaction == Reaction::kIgnore) return;
   faults_ |= bit;
   if (first_fault_.fault == Fault::kNone) {
-    first_fault_ = {tick_, value, limit, fault, static_cast<std::int8_t>(joint), state_, reaction};
+    first_fault_ = {tick_, value, limit, fault, static_cast<std::int8_t>(joint), state(), reaction};
   }
-  React(Stronger(reaction_, reaction));
-  if (state_ == ExecutorState::kFault) return;
-  abort_ = &primitive_->aborts.At(primitive_time_s_);
-  late_ticks_ = late_ticks;
-  const std::int64_t ticks = ticks_in_state_;
-  const bool starts = starts_;
-  Enter(ExecutorState::kFault);
-  if (reaction == Reaction::kRollOut) {  // The motion's time goes on.
-    ticks_in_state_ = ticks;
-    starts_ = starts;
+  if (IsFault(phase_)) {
+    answer_.reaction = Stronger(answer_.reaction, reaction);
+    return;
   }
+  answer_ = {reaction, &primitive_->aborts.At(primitive_time_s_), late_ticks};
+  BreakOff();
+  phase_ = IsLowering(phase_) ? Phase::kLoweringInFault : Phase::kFault;
+  if (reaction != Reaction::kRollOut) ticks_in_phase_ = 0;  // Else the motion's time goes on.
 }
 
 /// What a fault that is found now is answered with.
 /// @param late_ticks  by how much this tick is late.
 Reaction Executor::ReactionTo(Fault fault, std::int64_t late_ticks) const noexcept {
-  const Reaction reaction = config_.reactions(fault, state_);
+  const Reaction reaction = config_.reactions(fault, state());
   // There is nothing to go on with from where a robot lies that could not get up.
-  if (fault == Fault::kFallen && gets_up_ && reaction == Reaction::kIgnore) return Reaction::kHold;
+  if (fault == Fault::kFallen && phase_ == Phase::kGettingUp && reaction == Reaction::kIgnore)
+    return Reaction::kHold;
   if (reaction != Reaction::kAbort) return reaction;
   // Tables are found for the motion's own speed.
   if (!primitive_->aborts.present() || config_.speed != 1)
@@ -193,11 +193,6 @@ Reaction Executor::ReactionTo(Fault fault, std::int64_t late_ticks) const noexce
 /// Whether a motion is too late to be rolled out.
 bool Executor::IsTooLate(const AbortSpan<float>& span, std::int64_t late_ticks) const noexcept {
   return late_ticks > CeilTicks(span.late_max_s / config_.period_s);
-}
-
-void Executor::React(Reaction reaction) noexcept {
-  reaction_ = reaction;
-  follows_ = KeepsGains(reaction) && !lowering_;
 }
 
 }  // namespace tumbler

@@ -14,7 +14,8 @@ constexpr float kLongTime_s = 32;
 
 }  // namespace
 
-void Executor::StartMove() noexcept {
+// How long the move to the start takes from here.
+std::int64_t Executor::MoveTicks() noexcept {
   // The quintic s(x) = 10 x^3 - 15 x^4 + 6 x^5 has peak s' = 15/8 and peak s'' = 10 / sqrt(3).
   constexpr float kPeakVelocity = 1.875F;
   constexpr float kPeakAcceleration = 5.7735027F;
@@ -31,33 +32,37 @@ void Executor::StartMove() noexcept {
                            std::sqrt(kPeakAcceleration * way / acceleration)});
   }
   const float ticks = std::min(duration_s / time_per_tick_s_, 1e9F);
-  move_ticks_ = std::max<std::int64_t>(1, CeilTicks(ticks));
-  Enter(ExecutorState::kMovingToStart);
+  return std::max<std::int64_t>(1, CeilTicks(ticks));
 }
 
 void Executor::Plan(int elapsed, TickRecord& record) noexcept {
-  switch (state_) {
-    case ExecutorState::kDisarmed:
-    case ExecutorState::kArming:
+  switch (phase_) {
+    case Phase::kDisarmed:
+    case Phase::kArming:
       return PlanArming(record);
-    case ExecutorState::kMovingToStart:
+    case Phase::kMovingToStart:
+    case Phase::kGettingUp:
       return PlanMove(record);
-    case ExecutorState::kHolding:
-    case ExecutorState::kSettling:
-    case ExecutorState::kStopping:
+    case Phase::kHolding:
+    case Phase::kSettling:
+    case Phase::kSettlingHome:
+    case Phase::kStopping:
+    case Phase::kLowering:
       return PlanBrake(elapsed, record);
-    case ExecutorState::kFault:
-      if (reaction_ != Reaction::kRollOut) {
+    case Phase::kLoweringInFault:
+    case Phase::kFault:
+      if (answer_.reaction != Reaction::kRollOut) {
         PlanBrake(elapsed, record);
-        if (reaction_ == Reaction::kCollapse) {
+        if (answer_.reaction == Reaction::kCollapse) {
           PlanFold(elapsed, config_.collapse.position_rad, config_.move_fraction, record);
-        } else if (reaction_ == Reaction::kFold) {
-          PlanFold(elapsed, abort_->position_rad, abort_->limits_share, record);
+        } else if (answer_.reaction == Reaction::kFold) {
+          PlanFold(elapsed, answer_.abort->position_rad, answer_.abort->limits_share, record);
         }
         return;
       }
       [[fallthrough]];
-    case ExecutorState::kRunning:
+    case Phase::kRunning:
+    case Phase::kRunningHome:
       return PlanRun(record);
   }
 }
@@ -66,8 +71,7 @@ void Executor::PlanArming(TickRecord& record) noexcept {
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
-    const bool follow =
-        state_ == ExecutorState::kDisarmed || joint.drive_state != DriveState::kEnabled;
+    const bool follow = phase_ == Phase::kDisarmed || joint.drive_state != DriveState::kEnabled;
     if (follow && joint.replies.age_ticks() >= 0 && joint.IsMeasuredFinite()) {
       // This is no order yet. The joint may still be moved by hand, and the step of the limits must
       // not hold the setpoint back.
@@ -81,9 +85,9 @@ void Executor::PlanArming(TickRecord& record) noexcept {
 }
 
 void Executor::PlanMove(TickRecord& record) noexcept {
-  const bool at_end = ticks_in_state_ >= move_ticks_;
-  const float duration_s = static_cast<float>(move_ticks_) * config_.period_s;
-  const float x = static_cast<float>(ticks_in_state_) / static_cast<float>(move_ticks_);
+  const bool at_end = ticks_in_phase_ >= move_.ticks;
+  const float duration_s = static_cast<float>(move_.ticks) * config_.period_s;
+  const float x = static_cast<float>(ticks_in_phase_) / static_cast<float>(move_.ticks);
   const float share = x * x * x * (10.0F + x * (6.0F * x - 15.0F));
   const float rate = 30.0F * x * x * (1.0F + x * (x - 2.0F)) / duration_s;
   for (int i = 0; i < joint_count_; ++i) {
@@ -100,9 +104,9 @@ void Executor::PlanMove(TickRecord& record) noexcept {
 void Executor::PlanRun(TickRecord& record) noexcept {
   // Every time is one product with an integer, so that rounding does not add up. The last one is
   // the end itself.
-  primitive_time_s_ = ticks_in_state_ >= run_ticks_
+  primitive_time_s_ = ticks_in_phase_ >= run_ticks_
                           ? primitive_->duration_s
-                          : static_cast<float>(ticks_in_state_) * time_per_tick_s_;
+                          : static_cast<float>(ticks_in_phase_) * time_per_tick_s_;
   const float time_s = primitive_time_s_;
   const float speed = config_.speed;
   const float speed_2 = speed * speed;
@@ -111,9 +115,10 @@ void Executor::PlanRun(TickRecord& record) noexcept {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
     const JointMotion<float>& motion = *joint.motion;
-    Basis& position_basis =
+    Joint::Basis& position_basis =
         joint.shares_position_knots ? first.position_basis : joint.position_basis;
-    Basis& torque_basis = joint.shares_torque_knots ? first.torque_basis : joint.torque_basis;
+    Joint::Basis& torque_basis =
+        joint.shares_torque_knots ? first.torque_basis : joint.torque_basis;
     if (i == 0 || !joint.shares_position_knots)
       motion.position.EvaluateBasis(time_s, position_basis);
     if (i == 0 || !joint.shares_torque_knots) motion.torque.EvaluateBasis(time_s, torque_basis);
@@ -129,7 +134,7 @@ void Executor::PlanRun(TickRecord& record) noexcept {
 // A float has so few digits left for late times that the path would be sampled unevenly: at 8192 s
 // a time is up to 0.5 ms off. What is missing is made up for along the path.
 void Executor::PlanBetween(TickRecord& record) const noexcept {
-  const float missing_s = LostInProduct(ticks_in_state_, time_per_tick_s_) / config_.speed;
+  const float missing_s = LostInProduct(ticks_in_phase_, time_per_tick_s_) / config_.speed;
   for (int i = 0; i < joint_count_; ++i) {
     JointRecord& out = record.joints[static_cast<std::size_t>(i)];
     out.planned.position_rad += out.planned.velocity_rad_s * missing_s;
@@ -149,7 +154,7 @@ void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
     if (last.velocity_rad_s < -most) velocity = last.velocity_rad_s + most;
     record.joints[index].planned = {
         last.position_rad + 0.5F * (last.velocity_rad_s + velocity) * time_s, velocity,
-        keep_torque_ ? last.torque_nm : 0.0F};
+        hold_.keeps_torque ? last.torque_nm : 0.0F};
     record.joints[index].planned_acceleration_rad_s2 = 0;
   }
 }
@@ -170,7 +175,7 @@ void Executor::PlanFold(int elapsed, std::span<const float> pose, float share,
     // has got to. A drive whose heartbeat is missing may well have torque.
     if (joint.drive_state != DriveState::kEnabled && joint.drive_state != DriveState::kLost)
       continue;
-    const auto role = static_cast<std::size_t>(graph_.RoleOf(node_, i));
+    const auto role = static_cast<std::size_t>(graph().RoleOf(sequencer_.node(), i));
     const float target = pose[role];
     const JointSetpoint& last = joint.commanded;
     const float way = target - last.position_rad;

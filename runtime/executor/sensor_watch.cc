@@ -88,9 +88,12 @@ bool SensorSettings::IsValid() const noexcept {
          std::ranges::all_of(chain, [](float x) { return x == 0 || x == 1 || x == -1; });
 }
 
-void SensorWatch::Configure(const SensorSettings& settings, float period_s) noexcept {
-  *this = {};
-  settings_ = settings;
+void SensorWatch::Start(float period_s) noexcept {
+  const SensorSettings settings = settings_;
+  *this = SensorWatch(*sensor_, settings);
+  ids_ = sensor_->ids();
+  chain_ = settings.chain;
+  age_ticks_max_ = settings.age_ticks_max;
   // One comparison less in every tick.
   if (settings.repeats_max == 0) settings_.repeats_max = std::numeric_limits<std::uint32_t>::max();
   for (std::size_t of = 0; of < 3; ++of) {
@@ -109,6 +112,13 @@ void SensorWatch::Trust() noexcept {
   implausible_ = SensorStatus::kOk;
   parted_rad_ = 0;
   tilt_rad_ = 0;
+}
+
+bool SensorWatch::Take(const CanFrame& frame, std::int32_t age_ticks) noexcept {
+  const InertialPart part = sensor_->Decode(frame);
+  if (part == InertialPart::kNone) return false;
+  Count(part, sensor_->reading(), age_ticks);
+  return true;
 }
 
 void SensorWatch::TakeTime(std::uint32_t time) noexcept {

@@ -2,28 +2,13 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "common/core/primitive.h"
 #include "firmware_interface/devices/inertial_sensor.h"
+#include "runtime/executor/pitch_estimate.h"
 
 namespace tumbler {
-
-/// What is thought of an inertial sensor. From kFrozen on it is implausible, and is not believed
-/// again before the next arming.
-enum class SensorStatus : std::uint8_t {
-  kNone,          ///< There is no sensor.
-  kOk,            ///< Its attitude and rate are known.
-  kNoData,        ///< It has not reported yet.
-  kStale,         ///< Its last report is too old.
-  kLate,          ///< Its reports come later than they did, by its own clock.
-  kFrozen,        ///< It repeats the same numbers.
-  kNoRotation,    ///< Its quaternion has not the length of one.
-  kTilted,        ///< It is tilted, or turns, out of the plane in which the robot moves.
-  kTooFast,       ///< It turns faster than is possible.
-  kInconsistent,  ///< Its attitude does not change as its rate says.
-};
-inline constexpr std::size_t kSensorStatusCount = 10;
-[[nodiscard]] const char* ToString(SensorStatus status) noexcept;
 
 /// How a sensor is mounted, and what is believed of it.
 struct SensorSettings {
@@ -50,12 +35,20 @@ struct SensorSettings {
 /// Judges the reports of an inertial sensor tick by tick, and makes the pitch of its link of them.
 /// Pitch is about -y, as in the robot's model: from +x towards +z. No function of a mathematical
 /// library is used.
-class SensorWatch {
+class SensorWatch final : public PitchEstimate {
  public:
-  /// Starts anew. @param settings  are valid.
-  void Configure(const SensorSettings& settings, float period_s) noexcept;
-  /// Forgets what was implausible.
-  void Trust() noexcept;
+  SensorWatch() = default;
+  /// @param sensor  must outlive the watch.
+  SensorWatch(InertialSensor& sensor, const SensorSettings& settings) noexcept
+      : sensor_(&sensor), settings_(settings) {}
+
+  [[nodiscard]] bool IsValid() const noexcept override { return settings_.IsValid(); }
+  void Start(float period_s) noexcept override;
+  void Trust() noexcept override;
+  bool Take(const CanFrame& frame, std::int32_t age_ticks) noexcept override;
+  void EndTick(int elapsed, std::span<const Joint> /*joints*/) noexcept override {
+    EndTick(elapsed, sensor_->reading());
+  }
 
   /// Notes what a frame has brought.
   /// @param age_ticks  0: it came since the tick before.
@@ -64,27 +57,7 @@ class SensorWatch {
     if (part == InertialPart::kRate) rate_age_ticks_ = age_ticks;
     if (part == InertialPart::kTime) TakeTime(reading.time);
   }
-  /// To be called after the frames of a tick.
-  /// @param elapsed  ticks since the call before, >= 1.
   void EndTick(int elapsed, const InertialReading& reading) noexcept;
-
-  [[nodiscard]] SensorStatus status() const noexcept { return status_; }
-  /// Whether it tells of a turn out of the plane, of late, that is small as yet, but not to that in
-  /// the plane. No motion should be corrected by its angle until that is over: a sensor that sits
-  /// the wrong way round is known to be wrong only later.
-  [[nodiscard]] bool is_doubtful() const noexcept { return is_doubtful_; }
-  /// Of the sensor's link, within -pi ... pi.
-  [[nodiscard]] float pitch_rad() const noexcept { return pitch_rad_; }
-  [[nodiscard]] float rate_rad_s() const noexcept { return rate_rad_s_; }
-  /// How far the sensor's link leans out of the robot's plane by the last report, where the status
-  /// is kTilted: 0 ... pi/2 rad. 0 where the report is stale or no rotation, and where the sensor
-  /// has come back into the plane since: then it was the sensor, and not the robot.
-  [[nodiscard]] float tilt_rad() const noexcept { return IsOld() ? 0 : tilt_rad_; }
-  /// Whether such a link turns no more. @pre tilt_rad() > 0
-  [[nodiscard]] bool tilt_rests() const noexcept { return tilt_rests_; }
-  /// Ticks since the last report; -1: there was none.
-  [[nodiscard]] std::int32_t age_ticks() const noexcept { return age_ticks_; }
-  [[nodiscard]] const SensorSettings& settings() const noexcept { return settings_; }
 
  private:
   // Three numbers in a vector register, with one that does not count; in g++'s and clang's
@@ -98,28 +71,17 @@ class SensorWatch {
   void JoinParts(int elapsed, const InertialReading& reading) noexcept;
   [[gnu::cold]] void TakeTilt(const InertialReading& reading, Lanes up, Lanes turn) noexcept;
   void TakeTime(std::uint32_t time) noexcept;
-  /// Whether the last report is stale, or there is none: -1 is the largest then.
-  [[nodiscard]] bool IsOld() const noexcept {
-    return static_cast<std::uint32_t>(age_ticks_) >
-           static_cast<std::uint32_t>(settings_.age_ticks_max);
-  }
 
+  InertialSensor* sensor_ = nullptr;
   SensorSettings settings_;
   std::array<Lanes, 3> mounting_{};  ///< Its columns: the sensor's axes in those of the link.
   float period_s_ = 0.001F;
-  SensorStatus status_ = SensorStatus::kNoData;
   SensorStatus implausible_ = SensorStatus::kOk;  ///< Why it is not believed any more.
   bool is_late_ = false;
-  bool is_doubtful_ = false;
   bool has_promptest_ = false;
-  float pitch_rad_ = 0;
-  float rate_rad_s_ = 0;
   Lanes twist_rad_{};  ///< What it has turned about each axis of the link, of late.
   float twist_kept_ = 0, twist_lead_s_ = 0, twist_square_max_ = 0;
   float parted_rad_ = 0;  ///< What the attitude has changed beyond the sum of the rates, of late.
-  float tilt_rad_ = 0;
-  bool tilt_rests_ = false;
-  std::int32_t age_ticks_ = -1;
   std::int32_t attitude_age_ticks_ = -1;  ///< Of what has come in this tick; -1: it has not.
   std::int32_t rate_age_ticks_ = -1;
   InertialPart waiting_ =

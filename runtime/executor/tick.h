@@ -10,8 +10,8 @@
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/devices/drive.h"
 #include "runtime/executor/faults.h"
+#include "runtime/executor/pitch_estimate.h"
 #include "runtime/executor/safety.h"
-#include "runtime/executor/sensor_watch.h"
 
 namespace tumbler {
 

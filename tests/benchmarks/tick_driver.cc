@@ -14,6 +14,7 @@
 #include "firmware_interface/devices/make_simulated.h"
 #include "runtime/assembly/dry_run_bus.h"
 #include "runtime/executor/executor.h"
+#include "runtime/executor/sensor_watch.h"
 #include "tests/support/files.h"
 #include "tests/support/motions.h"
 #include "tests/support/sensor_motion.h"
@@ -65,17 +66,17 @@ OperatorCommand Next(ExecutorState state, bool& moved) {
 int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) {
   std::mt19937 random(1);
   Primitive<float> primitive = Motion(distinct_knots, random);
-  ExecutorSensor sensor;
+  SensorSettings settings;
   // CANSimple drives have the sensor's usual identifiers.
   const XsensMtiConfig ids{0x7a1, 0x7a2, 0x7a3};
   XsensMti mti(ids);
   if (with_sensor) {
     primitive.feedback = testing::RandomFeedback(primitive, 8, random);
     testing::ShareTorqueKnots(primitive, random);
-    sensor.device = &mti;
-    sensor.settings.jump_max_rad = 10;  // The random plan is wilder than a robot.
-    sensor.settings.rate_max_rad_s = 60;
+    settings.jump_max_rad = 10;  // The random plan is wilder than a robot.
+    settings.rate_max_rad_s = 60;
   }
+  SensorWatch watch(mti, settings);
   const DrivesConfig config = LoadDrives(drives_file);
   DriveBank bank;
   std::vector<DryRunBus::Node> nodes;
@@ -86,7 +87,8 @@ int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) 
   }
   DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
   Executor executor;
-  if (executor.Configure(ExecutorConfig{}, primitive, bank.drives(), sensor) != Status::kOk) {
+  if (executor.Configure(ExecutorConfig{}, primitive, bank.drives(),
+                         with_sensor ? &watch : nullptr) != Status::kOk) {
     return 1;
   }
 

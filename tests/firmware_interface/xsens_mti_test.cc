@@ -149,7 +149,7 @@ Heard Listen(const SimulatedSensorConfig& errors, double pitch_rad, double rate_
   SimulatedBus bus(1'000'000);
   SimulatedPort& host = bus.Attach();
   sensor.AttachTo(bus);
-  XsensMti codec{entry.xsens};
+  XsensMti codec{std::get<XsensMtiConfig>(entry.config)};
   Heard heard;
   while (static_cast<double>(sensor.next_ns()) < until_s * 1e9) {
     bus.AdvanceTo(sensor.next_ns());

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <type_traits>
 
 #include "common/core/feedback.h"
 #include "firmware_interface/can/simulated_bus.h"
@@ -65,10 +67,9 @@ class World {
     stranger_ = &bus_.Attach(port);
     if (setting_.has_sensor) sensor_.AttachTo(bus_);
     xsens_.Configure(setting_.sensor_ids);
-    ExecutorSensor sensor;
-    if (setting_.has_sensor) sensor = {&xsens_, setting_.sensor};
+    if (setting_.has_sensor) pitch_ = SensorWatch(xsens_, setting_.sensor);
     if (executor_.Configure(setting_.executor, setting_.graph, setting_.primitives, bank_.drives(),
-                            sensor) != Status::kOk) {
+                            setting_.has_sensor ? &pitch_ : nullptr) != Status::kOk) {
       throw std::logic_error("a random flight cannot be played");
     }
     received_.reserve(TickEntry::kReceivedMax);
@@ -326,12 +327,24 @@ class World {
         if (send_status_ == Status::kOk) send_status_ = host_.Send(frame);
       }
     }
-    Mix(std::uint64_t{record().faults} << 8 | static_cast<std::uint64_t>(record().state));
+    VisitFields(record(), [this](const char* /*name*/, const auto& field) { MixField(field); });
+    for (std::size_t i = 0; i < joint_count(); ++i) {
+      VisitFields(record().joints[i],
+                  [this](const char* /*name*/, const auto& field) { MixField(field); });
+    }
   }
 
   void Mix(std::uint64_t word) {
     hash_ = (hash_ ^ word) * 1099511628211ULL;
     hash_ ^= hash_ >> 29;
+  }
+
+  template <typename Field>
+  void MixField(const Field& field) {
+    std::uint64_t word = 0;
+    static_assert(std::is_trivially_copyable_v<Field> && sizeof field <= sizeof word);
+    std::memcpy(&word, &field, sizeof field);
+    Mix(word);
   }
 
   bool Tick() {
@@ -406,6 +419,7 @@ class World {
   std::vector<std::unique_ptr<SimulatedDrive>> drives_;
   DriveBank bank_;
   XsensMti xsens_;
+  SensorWatch pitch_;
   FlightSensor sensor_;
   FlightOperator operator_;
   Executor executor_;

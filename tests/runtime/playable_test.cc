@@ -13,6 +13,7 @@
 #include "runtime/executor/executor_config.h"
 #include "runtime/executor/faults.h"
 #include "runtime/executor/numbers.h"
+#include "runtime/executor/sensor_watch.h"
 #include "runtime/executor/tick.h"
 #include "tests/support/sensor_motion.h"
 

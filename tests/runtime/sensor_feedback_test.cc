@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "runtime/executor/executor.h"
+#include "runtime/executor/sensor_watch.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
 #include "tests/support/sensor_motion.h"

@@ -33,7 +33,9 @@ TEST(AngleOf, IsTheArcTangentInAllQuadrants) {
 
 /// A watch with its sensor, fed tick by tick.
 struct WatchRig {
-  explicit WatchRig(const SensorSettings& settings = {}) { watch.Configure(settings, 0.001F); }
+  explicit WatchRig(const SensorSettings& settings = {}) : watch(sensor, settings) {
+    watch.Start(0.001F);
+  }
 
   SensorStatus Tick(const std::vector<CanFrame>& frames, int elapsed = 1) {
     for (const CanFrame& frame : frames) watch.Count(sensor.Decode(frame), sensor.reading(), 0);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "runtime/executor/executor.h"
+#include "runtime/executor/sensor_watch.h"
 #include "tests/support/scripted_drive.h"
 
 namespace tumbler::testing {
@@ -36,7 +37,11 @@ class ExecutorRig {
 
   /// Configures the executor again, after something about the drives was changed.
   void Reconfigure() {
-    configured = executor.Configure(config_, graph_, primitives_, pointers_, sensor);
+    std::unique_ptr<SensorWatch> watch;
+    if (sensor.device != nullptr)
+      watch = std::make_unique<SensorWatch>(*sensor.device, sensor.settings);
+    configured = executor.Configure(config_, graph_, primitives_, pointers_, watch.get());
+    if (configured == Status::kOk) watch_ = std::move(watch);
   }
 
   /// One tick in which every drive that is not silent answers.
@@ -110,12 +115,16 @@ class ExecutorRig {
   std::int64_t stamp_ns = 0;                                    ///< Of the replies.
   std::uint32_t foreign_id = 0;  ///< Of a frame of somebody else in each tick; 0: there is none.
   bool follow = true;
-  ExecutorSensor sensor;                ///< Takes effect with Reconfigure.
+  struct {
+    InertialSensor* device = nullptr;  ///< Null: there is none.
+    SensorSettings settings;
+  } sensor;                             ///< Takes effect with Reconfigure.
   std::vector<CanFrame> sensor_frames;  ///< Sent in every tick.
   TickInput input;
   TickOutput output;
 
  private:
+  std::unique_ptr<SensorWatch> watch_;
   ExecutorConfig config_;
   SequenceGraph<float> graph_;
   std::vector<Primitive<float>> primitives_;
