@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/index.h"
 #include "common/core/scalar.h"
 
 namespace tumbler {
@@ -206,7 +207,7 @@ struct PosedShape {
   static constexpr int kDimension = Vector::RowsAtCompileTime;
 
   Vector centre;
-  std::array<Vector, kDimension> axes;  ///< Of the core.
+  IntArray<Vector, kDimension> axes;  ///< Of the core.
   Vector half_extents;
   double radius_m = 0;
   bool half_space = false;
@@ -218,15 +219,14 @@ struct PosedShape {
     PosedShape posed;
     posed.centre = p + R * shape.centre;
     const typename Space::Rotation axes = R * shape.rotation;
-    for (int i = 0; i < kDimension; ++i)
-      posed.axes[static_cast<std::size_t>(i)] = axes * Vector(Vector::Unit(i));
+    for (int i = 0; i < kDimension; ++i) posed.axes[i] = axes * Vector(Vector::Unit(i));
     posed.half_extents = shape.half_extents;
     posed.radius_m = shape.radius_m;
     posed.half_space = shape.half_space;
     posed.normal = R * shape.normal;
     return posed;
   }
-  [[nodiscard]] const Vector& axis(int i) const { return axes[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const Vector& axis(int i) const { return axes[i]; }
 };
 
 }  // namespace tumbler
