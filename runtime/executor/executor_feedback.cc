@@ -75,8 +75,7 @@ void Executor::Fade(bool moving, float time_s) noexcept {
   knows_error_ = measured;
   if (starts_) plays_open_loop_ = !measured;
   starts_ = false;
-  share_ = measured ? std::min(1.0F, share_ + time_s / feedback.fade_in_s)
-                    : std::max(0.0F, share_ - time_s / feedback.fade_out_s);
+  share_ = NextShare(feedback, share_, measured, time_s);
 }
 
 void Executor::Correct(int elapsed, TickRecord& record) noexcept {
