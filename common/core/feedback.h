@@ -80,6 +80,15 @@ template <typename Scalar>
   return below > -most ? below : -most;
 }
 
+/// The share (2) of the feedback after a time, from what it was before: it fades in while the error
+/// is known, and else out.
+template <typename Scalar>
+[[nodiscard]] Scalar NextShare(const Feedback<Scalar>& feedback, Scalar before, bool known,
+                               Scalar time_s) noexcept {
+  return known ? std::min(Scalar{1}, before + time_s / feedback.fade_in_s)
+               : std::max(Scalar{0}, before - time_s / feedback.fade_out_s);
+}
+
 /// How much of the correction an error asks for, from 0 to 1: z of (2).
 template <typename Scalar>
 [[nodiscard]] Scalar ErrorShare(const Feedback<Scalar>& feedback, Scalar error_rad) noexcept {

@@ -1,5 +1,7 @@
 #include "firmware_interface/devices/simulated_impedance.h"
 
+#include "common/core/drive_law.h"
+
 namespace tumbler {
 
 void SimulatedImpedance::Take(const ImpedanceCommand& setpoint, std::int64_t time_ns,
@@ -30,11 +32,8 @@ bool SimulatedImpedance::Expires(std::int64_t time_ns) noexcept {
 
 double SimulatedImpedance::Torque(double measured_rad, double velocity_rad_s) const noexcept {
   const ImpedanceCommand& s = setpoint_;
-  return static_cast<double>(s.kp_nm_per_rad) *
-             (static_cast<double>(s.position_rad) - measured_rad) +
-         static_cast<double>(s.kd_nm_s_per_rad) *
-             (static_cast<double>(s.velocity_rad_s) - velocity_rad_s) +
-         static_cast<double>(s.torque_nm);
+  return ImpedanceTorque<double>(s.kp_nm_per_rad, s.position_rad - measured_rad, s.kd_nm_s_per_rad,
+                                 s.velocity_rad_s - velocity_rad_s, s.torque_nm);
 }
 
 }  // namespace tumbler

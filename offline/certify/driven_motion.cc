@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/core/drive_law.h"
 #include "common/core/index.h"
+#include "offline/scene/lane_scene.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/scene/stepper.h"
 #include "offline/solve/rollout.h"
@@ -13,7 +15,7 @@ namespace tumbler {
 namespace {
 
 /// The executor's usual period, and how long frames take [s].
-constexpr double kPeriod_s = 1e-3, kDelay_s = 0.3e-3;
+constexpr double kPeriod_s = 1e-3, kDelay_s = LaneDrive{}.delay_s;
 /// The shortest step [s], which is that of the twin.
 constexpr double kShortest_s = 50e-6;
 /// Parts of the solver's step in the motion: a foot that lands is fast.
@@ -122,9 +124,9 @@ class DrivenRobot {
       const Setpoint& setpoint = drives_[j].setpoint;
       const std::size_t dof = Index(joint.dof);
       const double velocity = robot_.qd[dof];
-      const double wanted = gains_.kp_nm_per_rad * (setpoint.position_rad - robot_.q[dof]) +
-                            gains_.kd_nm_s_per_rad * (setpoint.velocity_rad_s - velocity) +
-                            setpoint.torque_nm;
+      const double wanted = ImpedanceTorque(
+          gains_.kp_nm_per_rad, setpoint.position_rad - robot_.q[dof], gains_.kd_nm_s_per_rad,
+          setpoint.velocity_rad_s - velocity, setpoint.torque_nm);
       const double limit = joint.limits.torque_max_nm * (1 - joint.motor.LackAt(wanted, velocity));
       robot_.tau[dof] = std::clamp(wanted, -limit, limit) -
                         EvaluateDryFriction(dry_friction_nm_[j], velocity).torque_nm;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -18,7 +17,7 @@ namespace tumbler {
 /// torque where it is prescribed.
 template <class Space>
 struct DynamicsDerivatives {
-  using Block = std::array<std::array<double, Space::kMaxDofs>, Space::kMaxDofs>;
+  using Block = IntArray<IntArray<double, Space::kMaxDofs>, Space::kMaxDofs>;
   /// By positions (columns).
   Block q;
   /// By velocities.
@@ -67,7 +66,7 @@ class HybridDynamics {
   explicit HybridDynamics(const Tree<Space>& tree);
 
   [[nodiscard]] int size() const { return n_; }
-  [[nodiscard]] bool prescribed(int j) const { return joints_[Index(j)].prescribed; }
+  [[nodiscard]] bool prescribed(int j) const { return joints_[j].prescribed; }
 
   /// Sets positions and velocities of all degrees of freedom, and forgets all wrenches.
   void SetState(std::span<const double> q, std::span<const double> qd);
@@ -75,21 +74,21 @@ class HybridDynamics {
   /// The origin of the coordinates in use, in the world. It belongs to the state.
   [[nodiscard]] const Vector& origin() const { return origin_; }
   /// Rotation of body j, its position relative to `origin()`, and its velocity. After SetState.
-  [[nodiscard]] const Rotation& rotation(int j) const { return bodies_[Index(j)].R; }
-  [[nodiscard]] const Vector& position(int j) const { return bodies_[Index(j)].p; }
-  [[nodiscard]] const Motion& velocity(int j) const { return bodies_[Index(j)].v; }
-  [[nodiscard]] int parent(int j) const { return joints_[Index(j)].parent; }
+  [[nodiscard]] const Rotation& rotation(int j) const { return bodies_[j].R; }
+  [[nodiscard]] const Vector& position(int j) const { return bodies_[j].p; }
+  [[nodiscard]] const Motion& velocity(int j) const { return bodies_[j].v; }
+  [[nodiscard]] int parent(int j) const { return joints_[j].parent; }
 
   /// Adds an external wrench about `origin()` on body j.
   void AddWrench(int j, const Wrench& wrench) {
-    bodies_[Index(j)].external = bodies_[Index(j)].external + wrench;
+    bodies_[j].external = bodies_[j].external + wrench;
   }
 
   /// Adds J^T w, the joint forces that do the work of the wrench about `origin()` on body j. They
   /// are also the derivative by all positions of a quantity that grows at the rate of this work.
   void AddJointForces(int j, const Wrench& wrench, std::span<double> forces) const {
-    for (int i = j; i >= 0; i = joints_[Index(i)].parent)
-      forces[Index(i)] += Space::Dot(bodies_[Index(i)].S, wrench);
+    for (int i = j; i >= 0; i = joints_[i].parent)
+      forces[Index(i)] += Space::Dot(bodies_[i].S, wrench);
   }
 
   /// Solves the equations of motion. Reads qdd of prescribed and tau of free degrees of freedom,
@@ -102,9 +101,9 @@ class HybridDynamics {
   /// Solve.
   [[nodiscard]] int FindUndetermined(double tolerance) const {
     for (int i = 0; i < free_count_; ++i) {
-      const double own = M_[Index(free_[Index(i)])][Index(free_[Index(i)])];
-      const double inverse_root = L_[Index(i)][Index(i)];
-      if (!(1 / (inverse_root * inverse_root) > tolerance * own)) return free_[Index(i)];
+      const double own = M_[free_[i]][free_[i]];
+      const double inverse_root = L_[i][i];
+      if (!(1 / (inverse_root * inverse_root) > tolerance * own)) return free_[i];
     }
     return -1;
   }
@@ -113,7 +112,7 @@ class HybridDynamics {
   /// body, which carries its velocity along, to dW - u x* W. `damping` maps a change of the body's
   /// velocity to dW. After Solve, before Differentiate.
   void AddWrenchDerivative(int j, const WrenchMap& stiffness, const WrenchMap& damping) {
-    WrenchDerivative& sum = bodies_[Index(j)].wrench_derivative;
+    WrenchDerivative& sum = bodies_[j].wrench_derivative;
     if ((touched_ >> j & 1U) == 0) {
       touched_ |= 1U << j;
       sum = {};
@@ -212,15 +211,15 @@ class HybridDynamics {
   /// world's axes, and has no mass of its own. Their axes never change.
   int slides_ = 0;
   int free_count_ = 0;
-  std::array<int, kMaxDofs> free_{};        // degree of freedom of each row of the free inertia
-  std::array<int, kMaxDofs> free_index_{};  // and back; -1 where prescribed
+  IntArray<int, kMaxDofs> free_{};        // degree of freedom of each row of the free inertia
+  IntArray<int, kMaxDofs> free_index_{};  // and back; -1 where prescribed
   Vector gravity_;
   Vector origin_ = Vector::Zero();
-  std::array<Joint, kMaxDofs> joints_;
-  std::array<Body, kMaxDofs> bodies_;
+  IntArray<Joint, kMaxDofs> joints_;
+  IntArray<Body, kMaxDofs> bodies_;
   typename Derivatives::Block M_;  // joint-space inertia; zero off the tree's branches
-  std::array<std::array<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
-  std::uint32_t touched_ = 0;                             // bodies with a wrench derivative
+  IntArray<IntArray<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
+  std::uint32_t touched_ = 0;                         // bodies with a wrench derivative
   bool any_pair_ = false;
   typename Derivatives::Block pair_q_, pair_qd_;  // the share of pairs in the derivative of tau
   std::vector<std::pair<int, int>> unrelated_;    // bodies of which neither carries the other

@@ -17,32 +17,32 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
   for (auto& row : M_) row.fill(0);
   for (int j = 0; j < n_; ++j) {
     const Dof<Space>& dof = tree.dofs[Index(j)];
-    joints_[Index(j)] = {dof.parent,
-                         dof.kind,
-                         dof.prescribed,
-                         dof.massless,
-                         dof.axis,
-                         dof.direction,
-                         dof.offset,
-                         dof.mass_centre,
-                         dof.mass_kg,
-                         dof.inertia_kg_m2,
-                         dof.rotor_inertia_kg_m2,
-                         dof.damping_nm_s_per_rad};
-    if (dof.kind == JointKind::kRevolute) bodies_[Index(j)].turn = Space::RotationBy(dof.axis, 0);
+    joints_[j] = {dof.parent,
+                  dof.kind,
+                  dof.prescribed,
+                  dof.massless,
+                  dof.axis,
+                  dof.direction,
+                  dof.offset,
+                  dof.mass_centre,
+                  dof.mass_kg,
+                  dof.inertia_kg_m2,
+                  dof.rotor_inertia_kg_m2,
+                  dof.damping_nm_s_per_rad};
+    if (dof.kind == JointKind::kRevolute) bodies_[j].turn = Space::RotationBy(dof.axis, 0);
     if (!dof.massless && j < first_body_) first_body_ = j;
     if (slides_ == j && dof.massless && dof.kind == JointKind::kPrismatic && dof.parent == j - 1) {
       ++slides_;
-      bodies_[Index(j)].S.v = dof.direction;
+      bodies_[j].S.v = dof.direction;
     }
     if (!dof.prescribed) {
-      free_index_[Index(j)] = free_count_;
-      free_[Index(free_count_++)] = j;
+      free_index_[j] = free_count_;
+      free_[free_count_++] = j;
     }
   }
   for (int j = 0; j < n_; ++j) {
     std::uint32_t carriers = 0;
-    for (int i = j; i >= 0; i = joints_[Index(i)].parent) carriers |= 1U << i;
+    for (int i = j; i >= 0; i = joints_[i].parent) carriers |= 1U << i;
     for (int i = 0; i < j; ++i) {
       if ((carriers >> i & 1U) == 0) unrelated_.emplace_back(i, j);
     }
@@ -50,54 +50,57 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
 }
 
 template <class Space>
-void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const double> qd) {
+void HybridDynamics<Space>::SetState(std::span<const double> positions,
+                                     std::span<const double> velocities) {
+  const double* const q = positions.data();
+  const double* const qd = velocities.data();
   touched_ = 0;
   any_pair_ = false;
   // Positions are found in world coordinates first. From then on the origin is that of the first
   // body's frame.
   Vector slid = Vector::Zero();
   for (int j = 0; j < slides_; ++j) {
-    slid += joints_[Index(j)].offset + joints_[Index(j)].direction * q[Index(j)];
-    bodies_[Index(j)].p = slid;
+    slid += joints_[j].offset + joints_[j].direction * q[j];
+    bodies_[j].p = slid;
   }
   for (int j = slides_; j < n_; ++j) {
-    const Joint& joint = joints_[Index(j)];
-    Body& body = bodies_[Index(j)];
+    const Joint& joint = joints_[j];
+    Body& body = bodies_[j];
     Rotation R;
     Vector p = Vector::Zero();
     if (joint.parent >= 0) {
-      R = bodies_[Index(joint.parent)].R;
-      p = bodies_[Index(joint.parent)].p;
+      R = bodies_[joint.parent].R;
+      p = bodies_[joint.parent].p;
     }
     if (joint.kind == JointKind::kRevolute) {
       // Stages of a step at the same time have the same angles on the joints' paths.
-      const auto angle = std::bit_cast<std::uint64_t>(q[Index(j)]);
+      const auto angle = std::bit_cast<std::uint64_t>(q[j]);
       if (angle != body.angle_of_turn) {
         body.angle_of_turn = angle;
-        body.turn = Space::RotationBy(joint.axis, q[Index(j)]);
+        body.turn = Space::RotationBy(joint.axis, q[j]);
       }
       body.R = R * body.turn;
       body.p = p + R * joint.offset;
     } else {
       body.R = R;
-      body.p = p + R * (joint.offset + joint.direction * q[Index(j)]);
+      body.p = p + R * (joint.offset + joint.direction * q[j]);
     }
   }
-  origin_ = bodies_[Index(first_body_)].p;
+  origin_ = bodies_[first_body_].p;
   Motion slide;
   for (int j = 0; j < slides_; ++j) {
-    Body& body = bodies_[Index(j)];
+    Body& body = bodies_[j];
     body.p -= origin_;
-    body.qd = qd[Index(j)];
+    body.qd = qd[j];
     slide.v += body.S.v * body.qd;
     body.v = slide;
     body.external = {};
   }
   for (int j = slides_; j < n_; ++j) {
-    const Joint& joint = joints_[Index(j)];
-    Body& body = bodies_[Index(j)];
+    const Joint& joint = joints_[j];
+    Body& body = bodies_[j];
     body.p -= origin_;
-    const Motion parent_v = joint.parent >= 0 ? bodies_[Index(joint.parent)].v : Motion{};
+    const Motion parent_v = joint.parent >= 0 ? bodies_[joint.parent].v : Motion{};
     if (joint.kind == JointKind::kRevolute) {
       body.S = Space::RevoluteMotion(body.R, joint.axis, body.p);
     } else {
@@ -105,7 +108,7 @@ void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const 
       body.S.v = body.R * joint.direction;
     }
     body.S_rate = Space::Cross(parent_v, body.S);
-    body.qd = qd[Index(j)];
+    body.qd = qd[j];
     body.v = parent_v + body.S * body.qd;
     body.external = {};
     if (!joint.massless) {
@@ -117,24 +120,26 @@ void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const 
 }
 
 template <class Space>
-void HybridDynamics<Space>::Solve(std::span<double> qdd, std::span<double> tau) {
+void HybridDynamics<Space>::Solve(std::span<double> accelerations, std::span<double> torques) {
+  double* const qdd = accelerations.data();
+  double* const tau = torques.data();
   // Inverse dynamics with the unknown accelerations set to zero.
   Motion base;
   base.v = -gravity_;
   Motion slide = base;
   for (int j = 0; j < slides_; ++j) {
-    Body& body = bodies_[Index(j)];
-    if (joints_[Index(j)].prescribed) slide.v += body.S.v * qdd[Index(j)];
+    Body& body = bodies_[j];
+    if (joints_[j].prescribed) slide.v += body.S.v * qdd[j];
     body.a = slide;
     body.composite = {};
     body.force = body.external * -1.0;
   }
   for (int j = slides_; j < n_; ++j) {
-    const Joint& joint = joints_[Index(j)];
-    Body& body = bodies_[Index(j)];
-    const Motion& parent_a = joint.parent >= 0 ? bodies_[Index(joint.parent)].a : base;
+    const Joint& joint = joints_[j];
+    Body& body = bodies_[j];
+    const Motion& parent_a = joint.parent >= 0 ? bodies_[joint.parent].a : base;
     body.a = parent_a + body.S_rate * body.qd;
-    if (joint.prescribed) body.a = body.a + body.S * qdd[Index(j)];
+    if (joint.prescribed) body.a = body.a + body.S * qdd[j];
     if (joint.massless) {
       body.composite = {};
       body.force = body.external * -1.0;
@@ -143,40 +148,39 @@ void HybridDynamics<Space>::Solve(std::span<double> qdd, std::span<double> tau) 
       body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
     }
   }
-  std::array<double, kMaxDofs> rest;  // tau at free qdd = 0
+  IntArray<double, kMaxDofs> rest;  // tau at free qdd = 0
   for (int j = n_ - 1; j >= 0; --j) {
-    Body& body = bodies_[Index(j)];
-    const Joint& joint = joints_[Index(j)];
-    rest[Index(j)] = Space::Dot(body.S, body.force) + joint.damping * body.qd;
-    if (joint.prescribed) rest[Index(j)] += joint.rotor_inertia * qdd[Index(j)];
+    Body& body = bodies_[j];
+    const Joint& joint = joints_[j];
+    rest[j] = Space::Dot(body.S, body.force) + joint.damping * body.qd;
+    if (joint.prescribed) rest[j] += joint.rotor_inertia * qdd[j];
     const Wrench composite_S = body.composite * body.S;
     body.composite_S = composite_S;
-    auto& row = M_[Index(j)];
-    row[Index(j)] = Space::Dot(body.S, composite_S) + joint.rotor_inertia;
-    for (int i = joint.parent; i >= 0; i = joints_[Index(i)].parent) {
-      const double m = Space::Dot(bodies_[Index(i)].S, composite_S);
-      row[Index(i)] = m;
-      M_[Index(i)][Index(j)] = m;
+    auto& row = M_[j];
+    row[j] = Space::Dot(body.S, composite_S) + joint.rotor_inertia;
+    for (int i = joint.parent; i >= 0; i = joints_[i].parent) {
+      const double m = Space::Dot(bodies_[i].S, composite_S);
+      row[i] = m;
+      M_[i][j] = m;
     }
     if (const int i = joint.parent; i >= 0) {
-      Body& parent = bodies_[Index(i)];
+      Body& parent = bodies_[i];
       parent.composite = parent.composite + body.composite;
       parent.force = parent.force + body.force;
     }
   }
-  std::array<double, kMaxDofs> x;
+  IntArray<double, kMaxDofs> x;
   WithFreeCount([&](auto count) {
     FactorFreeInertia(count);
-    for (int i = 0; i < count; ++i)
-      x[Index(i)] = tau[Index(free_[Index(i)])] - rest[Index(free_[Index(i)])];
+    for (int i = 0; i < count; ++i) x[i] = tau[free_[i]] - rest[free_[i]];
     SolveFree(count, x.data());
-    for (int i = 0; i < count; ++i) qdd[Index(free_[Index(i)])] = x[Index(i)];
+    for (int i = 0; i < count; ++i) qdd[free_[i]] = x[i];
     for (int j = 0; j < n_; ++j) {
-      bodies_[Index(j)].qdd = qdd[Index(j)];
-      if (!joints_[Index(j)].prescribed) continue;
-      double sum = rest[Index(j)];
-      for (int i = 0; i < count; ++i) sum += M_[Index(j)][Index(free_[Index(i)])] * x[Index(i)];
-      tau[Index(j)] = sum;
+      bodies_[j].qdd = qdd[j];
+      if (!joints_[j].prescribed) continue;
+      double sum = rest[j];
+      for (int i = 0; i < count; ++i) sum += M_[j][free_[i]] * x[i];
+      tau[j] = sum;
     }
   });
 }
@@ -185,11 +189,11 @@ template <class Space>
 template <class Count>
 void HybridDynamics<Space>::FactorFreeInertia(Count count) {
   for (int i = 0; i < count; ++i) {
-    const auto& row = M_[Index(free_[Index(i)])];
+    const auto& row = M_[free_[i]];
     for (int k = 0; k <= i; ++k) {
-      double sum = row[Index(free_[Index(k)])];
-      for (int m = 0; m < k; ++m) sum -= L_[Index(i)][Index(m)] * L_[Index(k)][Index(m)];
-      L_[Index(i)][Index(k)] = i == k ? 1 / std::sqrt(sum) : sum * L_[Index(k)][Index(k)];
+      double sum = row[free_[k]];
+      for (int m = 0; m < k; ++m) sum -= L_[i][m] * L_[k][m];
+      L_[i][k] = i == k ? 1 / std::sqrt(sum) : sum * L_[k][k];
     }
   }
 }
@@ -198,12 +202,12 @@ template <class Space>
 template <class Count>
 void HybridDynamics<Space>::SolveFree(Count count, double* x) const {
   for (int i = 0; i < count; ++i) {
-    for (int k = 0; k < i; ++k) x[i] -= L_[Index(i)][Index(k)] * x[k];
-    x[i] *= L_[Index(i)][Index(i)];
+    for (int k = 0; k < i; ++k) x[i] -= L_[i][k] * x[k];
+    x[i] *= L_[i][i];
   }
   for (int i = count - 1; i >= 0; --i) {
-    for (int k = i + 1; k < count; ++k) x[i] -= L_[Index(k)][Index(i)] * x[k];
-    x[i] *= L_[Index(i)][Index(i)];
+    for (int k = i + 1; k < count; ++k) x[i] -= L_[k][i] * x[k];
+    x[i] *= L_[i][i];
   }
 }
 
@@ -213,13 +217,13 @@ void HybridDynamics<Space>::MoveBodiesAtSolution() {
   Motion base;
   base.v = -gravity_;
   for (int j = 0; j < n_; ++j) {
-    const Joint& joint = joints_[Index(j)];
-    Body& body = bodies_[Index(j)];
+    const Joint& joint = joints_[j];
+    Body& body = bodies_[j];
     if (joint.parent < 0) {
       body.S_rate2 = Space::Cross(base, body.S);
       body.a = base + body.S * body.qdd;
     } else {
-      const Body& parent = bodies_[Index(joint.parent)];
+      const Body& parent = bodies_[joint.parent];
       body.S_rate2 = Space::Cross(parent.a, body.S) + Space::Cross(parent.v, body.S_rate);
       body.a = parent.a + body.S_rate * body.qd + body.S * body.qdd;
     }
@@ -238,17 +242,17 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
                                                  typename Derivatives::Block& d_qd) {
   MoveBodiesAtSolution();
   for (const auto& [i, j] : unrelated_) {
-    d_q[Index(i)][Index(j)] = d_q[Index(j)][Index(i)] = 0;
-    d_qd[Index(i)][Index(j)] = d_qd[Index(j)][Index(i)] = 0;
+    d_q[i][j] = d_q[j][i] = 0;
+    d_qd[i][j] = d_qd[j][i] = 0;
   }
   // [SRW22, Eqs. 34-37], where the composite of the wrenches' derivatives joins that of the bias.
   std::uint32_t touched = touched_;
   for (int j = 0; j < n_; ++j) {
-    if ((touched >> j & 1U) != 0) bodies_[Index(j)].contact = bodies_[Index(j)].wrench_derivative;
+    if ((touched >> j & 1U) != 0) bodies_[j].contact = bodies_[j].wrench_derivative;
   }
   for (int j = n_ - 1; j >= 0; --j) {
-    const Body& body = bodies_[Index(j)];
-    const int up = joints_[Index(j)].parent;
+    const Body& body = bodies_[j];
+    const int up = joints_[j].parent;
     const bool in_contact = (touched >> j & 1U) != 0;
     const WrenchDerivative& w = body.contact;
     Wrench by_q = body.composite * body.S_rate2 + Space::BiasOfRate(body.bias, body.S_rate) +
@@ -258,29 +262,27 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
       by_q = by_q - (w.stiffness * body.S + w.damping * body.S_rate);
       by_qd = by_qd - w.damping * body.S;
     }
-    d_q[Index(j)][Index(j)] = Space::Dot(body.S, by_q);
-    d_qd[Index(j)][Index(j)] = Space::Dot(body.S, by_qd) + joints_[Index(j)].damping;
+    d_q[j][j] = Space::Dot(body.S, by_q);
+    d_qd[j][j] = Space::Dot(body.S, by_qd) + joints_[j].damping;
     if (up < 0) continue;
     const auto z = body.bias.TransposeTimes(body.S);
-    for (int i = up; i >= 0; i = joints_[Index(i)].parent) {
-      const Body& above = bodies_[Index(i)];
-      d_q[Index(i)][Index(j)] = Space::Dot(above.S, by_q);
-      d_qd[Index(i)][Index(j)] = Space::Dot(above.S, by_qd);
-      d_q[Index(j)][Index(i)] =
-          Space::Dot(above.S_rate2, body.composite_S) + Space::Apply(z, above.S_rate);
-      d_qd[Index(j)][Index(i)] =
-          Space::Apply(z, above.S) + 2 * Space::Dot(above.S_rate, body.composite_S);
+    for (int i = up; i >= 0; i = joints_[i].parent) {
+      const Body& above = bodies_[i];
+      d_q[i][j] = Space::Dot(above.S, by_q);
+      d_qd[i][j] = Space::Dot(above.S, by_qd);
+      d_q[j][i] = Space::Dot(above.S_rate2, body.composite_S) + Space::Apply(z, above.S_rate);
+      d_qd[j][i] = Space::Apply(z, above.S) + 2 * Space::Dot(above.S_rate, body.composite_S);
     }
-    Body& parent = bodies_[Index(up)];
+    Body& parent = bodies_[up];
     parent.bias = parent.bias + body.bias;
     parent.force = parent.force + body.force;
     if (!in_contact) continue;
     const Wrench k = w.stiffness.TransposeTimes(body.S);
     const Wrench d = w.damping.TransposeTimes(body.S);
-    for (int i = up; i >= 0; i = joints_[Index(i)].parent) {
-      const Body& above = bodies_[Index(i)];
-      d_q[Index(j)][Index(i)] -= Space::Dot(above.S, k) + Space::Dot(above.S_rate, d);
-      d_qd[Index(j)][Index(i)] -= Space::Dot(above.S, d);
+    for (int i = up; i >= 0; i = joints_[i].parent) {
+      const Body& above = bodies_[i];
+      d_q[j][i] -= Space::Dot(above.S, k) + Space::Dot(above.S_rate, d);
+      d_qd[j][i] -= Space::Dot(above.S, d);
     }
     WrenchDerivative& sum = parent.contact;
     if ((touched >> up & 1U) == 0) {
@@ -299,8 +301,8 @@ void HybridDynamics<Space>::AddPairs(typename Derivatives::Block& d_q,
                                      typename Derivatives::Block& d_qd) const {
   for (int i = 0; i < n_; ++i) {
     for (int k = 0; k < n_; ++k) {
-      d_q[Index(i)][Index(k)] += pair_q_[Index(i)][Index(k)];
-      d_qd[Index(i)][Index(k)] += pair_qd_[Index(i)][Index(k)];
+      d_q[i][k] += pair_q_[i][k];
+      d_qd[i][k] += pair_qd_[i][k];
     }
   }
 }
@@ -322,31 +324,30 @@ void HybridDynamics<Space>::AddPairDerivative(int a, int b, const Wrench& W,
   if (!any_pair_) {
     any_pair_ = true;
     for (int i = 0; i < n_; ++i) {
-      pair_q_[Index(i)].fill(0);
-      pair_qd_[Index(i)].fill(0);
+      pair_q_[i].fill(0);
+      pair_qd_[i].fill(0);
     }
   }
-  std::array<int, kMaxDofs> side{};  // s
+  IntArray<int, kMaxDofs> side{};  // s
   std::uint32_t carriers_of_b = 0;
-  for (int i = a; i >= 0; i = joints_[Index(i)].parent) ++side[Index(i)];
-  for (int i = b; i >= 0; i = joints_[Index(i)].parent) {
-    --side[Index(i)];
+  for (int i = a; i >= 0; i = joints_[i].parent) ++side[i];
+  for (int i = b; i >= 0; i = joints_[i].parent) {
+    --side[i];
     carriers_of_b |= 1U << i;
   }
   for (int k = 0; k < n_; ++k) {
-    if (side[Index(k)] == 0) continue;
-    const Body& moving = bodies_[Index(k)];
+    if (side[k] == 0) continue;
+    const Body& moving = bodies_[k];
     const Wrench by_q = stiffness * moving.S + damping * moving.S_rate;
     const Wrench by_qd = damping * moving.S;
     const Wrench turned = Space::Cross(moving.S, W);
     for (int i = 0; i < n_; ++i) {
-      const Motion& S = bodies_[Index(i)].S;
-      if (const int sides = side[Index(i)] * side[Index(k)]; sides != 0) {
-        pair_q_[Index(i)][Index(k)] -= sides * Space::Dot(S, by_q);
-        pair_qd_[Index(i)][Index(k)] -= sides * Space::Dot(S, by_qd);
+      const Motion& S = bodies_[i].S;
+      if (const int sides = side[i] * side[k]; sides != 0) {
+        pair_q_[i][k] -= sides * Space::Dot(S, by_q);
+        pair_qd_[i][k] -= sides * Space::Dot(S, by_qd);
       }
-      if ((carriers_of_b >> i & 1U) != 0)
-        pair_q_[Index(i)][Index(k)] += side[Index(k)] * Space::Dot(S, turned);
+      if ((carriers_of_b >> i & 1U) != 0) pair_q_[i][k] += side[k] * Space::Dot(S, turned);
     }
   }
 }
@@ -356,43 +357,40 @@ template <class Count>
 void HybridDynamics<Space>::DifferentiateByInput(Count count,
                                                  typename Derivatives::Block& input) const {
   // Inverse of the Cholesky factor, then of the free inertia.
-  std::array<std::array<double, kMaxDofs>, kMaxDofs> inverse;
+  IntArray<IntArray<double, kMaxDofs>, kMaxDofs> inverse;
   for (int i = 0; i < count; ++i) {
     for (int k = 0; k < i; ++k) {
       double sum = 0;
-      for (int m = k; m < i; ++m) sum -= L_[Index(i)][Index(m)] * inverse[Index(m)][Index(k)];
-      inverse[Index(i)][Index(k)] = sum * L_[Index(i)][Index(i)];
+      for (int m = k; m < i; ++m) sum -= L_[i][m] * inverse[m][k];
+      inverse[i][k] = sum * L_[i][i];
     }
-    inverse[Index(i)][Index(i)] = L_[Index(i)][Index(i)];
+    inverse[i][i] = L_[i][i];
   }
   for (int i = 0; i < count; ++i) {
-    auto& row = input[Index(free_[Index(i)])];
+    auto& row = input[free_[i]];
     for (int k = 0; k <= i; ++k) {
       double sum = 0;
-      for (int m = i; m < count; ++m)
-        sum += inverse[Index(m)][Index(i)] * inverse[Index(m)][Index(k)];
-      row[Index(free_[Index(k)])] = sum;
-      input[Index(free_[Index(k)])][Index(free_[Index(i)])] = sum;
+      for (int m = i; m < count; ++m) sum += inverse[m][i] * inverse[m][k];
+      row[free_[k]] = sum;
+      input[free_[k]][free_[i]] = sum;
     }
   }
   for (int a = 0; a < n_; ++a) {
-    if (!joints_[Index(a)].prescribed) continue;
-    std::array<double, kMaxDofs> M_a;  // its entries for the free degrees of freedom
-    for (int k = 0; k < count; ++k) M_a[Index(k)] = M_[Index(a)][Index(free_[Index(k)])];
+    if (!joints_[a].prescribed) continue;
+    IntArray<double, kMaxDofs> M_a;  // its entries for the free degrees of freedom
+    for (int k = 0; k < count; ++k) M_a[k] = M_[a][free_[k]];
     for (int i = 0; i < count; ++i) {
-      const int p = free_[Index(i)];
+      const int p = free_[i];
       double sum = 0;
-      for (int k = 0; k < count; ++k)
-        sum += input[Index(p)][Index(free_[Index(k)])] * M_a[Index(k)];
-      input[Index(p)][Index(a)] = -sum;
-      input[Index(a)][Index(p)] = sum;
+      for (int k = 0; k < count; ++k) sum += input[p][free_[k]] * M_a[k];
+      input[p][a] = -sum;
+      input[a][p] = sum;
     }
     for (int b = 0; b <= a; ++b) {
-      if (!joints_[Index(b)].prescribed) continue;
-      double sum = M_[Index(a)][Index(b)];
-      for (int k = 0; k < count; ++k)
-        sum += M_a[Index(k)] * input[Index(free_[Index(k)])][Index(b)];
-      input[Index(a)][Index(b)] = input[Index(b)][Index(a)] = sum;
+      if (!joints_[b].prescribed) continue;
+      double sum = M_[a][b];
+      for (int k = 0; k < count; ++k) sum += M_a[k] * input[free_[k]][b];
+      input[a][b] = input[b][a] = sum;
     }
   }
 }
@@ -407,20 +405,20 @@ template <class Space>
 void HybridDynamics<Space>::Differentiate(Derivatives& out) {
   DifferentiateFactored(out);
   // out = R D, by rows; those of the free degrees of freedom are needed to the end.
-  std::array<std::array<double, kMaxDofs>, kMaxDofs> D;
+  IntArray<IntArray<double, kMaxDofs>, kMaxDofs> D;
   for (typename Derivatives::Block* block : {&out.q, &out.qd}) {
     for (int p = 0; p < free_count_; ++p) {
-      auto& row = (*block)[Index(free_[Index(p)])];
+      auto& row = (*block)[free_[p]];
       for (int k = 0; k < n_; ++k) {
-        D[Index(p)][Index(k)] = row[Index(k)];
-        row[Index(k)] = 0;
+        D[p][k] = row[k];
+        row[k] = 0;
       }
     }
     for (int i = 0; i < n_; ++i) {
-      auto& row = (*block)[Index(i)];
+      auto& row = (*block)[i];
       for (int p = 0; p < free_count_; ++p) {
-        const double R = -out.input[Index(i)][Index(free_[Index(p)])];
-        for (int k = 0; k < n_; ++k) row[Index(k)] += R * D[Index(p)][Index(k)];
+        const double R = -out.input[i][free_[p]];
+        for (int k = 0; k < n_; ++k) row[k] += R * D[p][k];
       }
     }
   }
@@ -430,8 +428,8 @@ template <class Space>
 double HybridDynamics<Space>::KineticEnergy() const {
   double sum = 0;
   for (int j = 0; j < n_; ++j) {
-    const Body& body = bodies_[Index(j)];
-    if (!joints_[Index(j)].massless) sum += 0.5 * Space::Dot(body.v, body.momentum);
+    const Body& body = bodies_[j];
+    if (!joints_[j].massless) sum += 0.5 * Space::Dot(body.v, body.momentum);
   }
   return sum;
 }
@@ -440,8 +438,8 @@ template <class Space>
 double HybridDynamics<Space>::PotentialEnergy() const {
   double sum = 0;
   for (int j = 0; j < n_; ++j) {
-    const Body& body = bodies_[Index(j)];
-    if (!joints_[Index(j)].massless) sum -= gravity_.dot(body.own.h + body.own.m * origin_);
+    const Body& body = bodies_[j];
+    if (!joints_[j].massless) sum -= gravity_.dot(body.own.h + body.own.m * origin_);
   }
   return sum;
 }
@@ -450,7 +448,7 @@ template <class Space>
 typename Space::Wrench HybridDynamics<Space>::Momentum() const {
   Wrench sum;
   for (int j = 0; j < n_; ++j) {
-    if (!joints_[Index(j)].massless) sum = sum + bodies_[Index(j)].momentum;
+    if (!joints_[j].massless) sum = sum + bodies_[j].momentum;
   }
   sum.n += Space::Moment(origin_, sum.f);
   return sum;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "common/core/index.h"
 #include "offline/model/shape.h"
 
 namespace tumbler {
@@ -30,7 +31,7 @@ struct NearPoints {
   bool unique = true;
   /// The active set, [AB04, Eq. 30], of each core's coordinates: -1 or +1 at that bound (and always
   /// where the extent is zero, an equality constraint), 0 between the bounds.
-  std::array<std::int8_t, kDimension> active_a{}, active_b{};
+  IntArray<std::int8_t, kDimension> active_a{}, active_b{};
   double core_distance_m = 0;  ///< |x_a - x_b|
 };
 

@@ -231,12 +231,12 @@ class BoundedLeastSquares {
 /// The vertex of a core that is farthest along -n, or the middle of an edge or face that is level.
 template <class Space>
 typename Space::Vector FindLowest(const PosedShape<Space>& shape, const typename Space::Vector& n,
-                                  std::array<std::int8_t, Space::Vector::RowsAtCompileTime>& active,
+                                  IntArray<std::int8_t, Space::Vector::RowsAtCompileTime>& active,
                                   bool& unique) {
   typename Space::Vector lowest = shape.centre;
   for (int i = 0; i < PosedShape<Space>::kDimension; ++i) {
     const double along = shape.axis(i).dot(n);
-    std::int8_t& at = active[static_cast<std::size_t>(i)];
+    std::int8_t& at = active[i];
     at = along > 0 ? -1 : 1;
     if (shape.half_extents[i] > 0 && std::abs(along) <= kParallelAngle) {
       at = 0;
@@ -275,7 +275,7 @@ class KuhnTuckerSystem {
   [[nodiscard]] SmallVector Right() const {
     SmallVector right = SmallVector::Zero(kX + count_);
     for (int k = 0; k < count_; ++k) {
-      const Row& row = rows_[Index(k)];
+      const Row& row = rows_[k];
       right[kX + k] = row.n.dot((row.of_a ? a_ : b_).centre) + row.bound;
     }
     return right;
@@ -287,7 +287,7 @@ class KuhnTuckerSystem {
     SmallVector change = SmallVector::Zero(kX + count_);
     const Vector x = PartOf(solution, 0);
     for (int k = 0; k < count_; ++k) {
-      const Row& row = rows_[Index(k)];
+      const Row& row = rows_[k];
       if (!row.of_a) continue;
       const Vector dn = Space::Cross(S.w, row.n);
       for (int i = 0; i < kDimension; ++i) change[i] -= dn[i] * solution[kX + k];
@@ -314,15 +314,15 @@ class KuhnTuckerSystem {
     double bound;
   };
 
-  void AddRows(const PosedShape<Space>& shape, const std::array<std::int8_t, kDimension>& active,
+  void AddRows(const PosedShape<Space>& shape, const IntArray<std::int8_t, kDimension>& active,
                bool of_a) {
     if (shape.half_space) {
-      rows_[Index(count_++)] = {of_a, shape.normal, 0};
+      rows_[count_++] = {of_a, shape.normal, 0};
       return;
     }
     for (int i = 0; i < kDimension; ++i) {
-      const std::int8_t at = active[Index(i)];
-      if (at != 0) rows_[Index(count_++)] = {of_a, shape.axis(i), at * shape.half_extents[i]};
+      const std::int8_t at = active[i];
+      if (at != 0) rows_[count_++] = {of_a, shape.axis(i), at * shape.half_extents[i]};
     }
   }
 
@@ -334,7 +334,7 @@ class KuhnTuckerSystem {
       H(i, j) = H(j, i) = -2;
     }
     for (int k = 0; k < count_; ++k) {
-      const Row& row = rows_[Index(k)];
+      const Row& row = rows_[k];
       for (int i = 0; i < kDimension; ++i) {
         const int at = row.of_a ? i : kDimension + i;
         H(kX + k, at) = H(at, kX + k) = row.n[i];
@@ -345,7 +345,7 @@ class KuhnTuckerSystem {
 
   const PosedShape<Space>& a_;
   const PosedShape<Space>& b_;
-  std::array<Row, kX> rows_;
+  IntArray<Row, kX> rows_;
   int count_ = 0;
   std::optional<SmallSystem> regular_;      // where the near points are unique
   std::optional<SymmetricEigen> singular_;  // and where they are not
@@ -398,8 +398,8 @@ NearPoints<Space> FindNearPoints(const PosedShape<Space>& a, const PosedShape<Sp
     const std::size_t of_a = Index(i), of_b = Index(kDimension + i);
     near.p_a += problem.y(of_a) * a.axis(i);
     near.p_b += problem.y(of_b) * b.axis(i);
-    near.active_a[Index(i)] = problem.active(of_a);
-    near.active_b[Index(i)] = problem.active(of_b);
+    near.active_a[i] = problem.active(of_a);
+    near.active_b[i] = problem.active(of_b);
   }
   return near;
 }

@@ -7,6 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/index.h"
+#include "common/core/scalar.h"
+
 namespace tumbler {
 
 enum class ShapeKind { kHalfSpace, kSphere, kCapsule, kBox };
@@ -89,6 +92,48 @@ std::vector<typename Space::Vector> CoreVertices(const Shape<Space>& shape) {
   return vertices;
 }
 
+/// The vector to a point from the nearest point of a core, in the core's axes: zero inside of it.
+/// Vector has numbers of any kind, one robot's or those of robots in lanes.
+template <int kDimension, class Vector>
+[[gnu::always_inline]] inline Vector FromCore(const Vector& point, const Vector& half_extents) {
+  using S = std::decay_t<decltype(point[0])>;
+  Vector from;
+  for (int i = 0; i < kDimension; ++i) {
+    const S c = point[i], h = half_extents[i];
+    from[i] = c - Clamp(c, -h, h);
+  }
+  return from;
+}
+
+/// The side of a core that is nearest to a point inside of it.
+template <class Vector, class S>
+struct CoreSide {
+  Vector out;  ///< Unit vector out of the core through that side, in the core's axes.
+  S depth;     ///< Distance of the point from that side [m].
+};
+
+/// Of sides that are equally near the core's last axis wins.
+template <int kDimension, class Vector>
+[[gnu::always_inline]] inline auto NearestSide(const Vector& point, const Vector& half_extents) {
+  using S = std::decay_t<decltype(point[0])>;
+  CoreSide<Vector, S> side;
+  for (int i = kDimension - 1; i >= 0; --i) {
+    const S c = point[i];
+    const S depth = half_extents[i] - Max(c, -c);
+    const S out = Select(c < S(0), S(-1), S(1));
+    if (i == kDimension - 1) {
+      side.depth = depth;
+      side.out[i] = out;
+      continue;
+    }
+    const auto nearer = depth < side.depth;
+    side.depth = Select(nearer, depth, side.depth);
+    side.out[i] = Select(nearer, out, S(0));
+    for (int k = i + 1; k < kDimension; ++k) side.out[k] = Select(nearer, S(0), S(side.out[k]));
+  }
+  return side;
+}
+
 /// The near points of a sphere with an obstacle in closed form, which exists because the core of a
 /// sphere is a point c. They are those of `FindNearPoints`, except inside the core of the obstacle:
 /// there normal and distance are those of the core's nearest side, so that they are defined
@@ -115,23 +160,18 @@ NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
   NearPoint<Space> near;
   if constexpr (kDimension > 2) near.edge = Space::Vector::Zero();
   const Vector c = obstacle.rotation.Inverse(centre - obstacle.centre);
-  Vector rest = c;  // from the core's nearest point
-  int free = -1;
-  int free_count = 0;
-  for (int i = 0; i < kDimension; ++i) {
-    const double h = obstacle.half_extents[i];
-    if (std::abs(c[i]) < h) {
-      rest[i] = 0;
-      free = i;
-      ++free_count;
-    } else {
-      rest[i] -= std::copysign(h, c[i]);
-    }
-  }
-  const double length = rest.norm();
+  const Vector from = FromCore<kDimension>(c, obstacle.half_extents);
+  const double length = from.norm();
   if (length > 0) {
     near.d = length - obstacle.radius_m - radius_m;
-    near.u_d = obstacle.rotation * Vector(rest / length);
+    near.u_d = obstacle.rotation * Vector(from / length);
+    int free = -1;
+    int free_count = 0;
+    for (int i = 0; i < kDimension; ++i) {
+      if (!(std::abs(c[i]) < obstacle.half_extents[i])) continue;
+      free = i;
+      ++free_count;
+    }
     if (free_count < kDimension - 1) {
       near.curvature_per_m = 1 / length;
       if constexpr (kDimension > 2) {
@@ -140,15 +180,9 @@ NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
     }
     return near;
   }
-  // Inside the core the normal leads out through the nearest side. Of sides that are equally near
-  // the core's last axis wins.
-  int side = kDimension - 1;
-  const auto depth = [&](int i) { return obstacle.half_extents[i] - std::abs(c[i]); };
-  for (int i = kDimension - 1; i >= 0; --i) {
-    if (depth(i) < depth(side)) side = i;
-  }
-  near.d = -depth(side) - obstacle.radius_m - radius_m;
-  near.u_d = obstacle.rotation * Vector(std::copysign(1.0, c[side]) * Vector::Unit(side));
+  const auto side = NearestSide<kDimension>(c, obstacle.half_extents);
+  near.d = -side.depth - obstacle.radius_m - radius_m;
+  near.u_d = obstacle.rotation * side.out;
   return near;
 }
 
@@ -173,7 +207,7 @@ struct PosedShape {
   static constexpr int kDimension = Vector::RowsAtCompileTime;
 
   Vector centre;
-  std::array<Vector, kDimension> axes;  ///< Of the core.
+  IntArray<Vector, kDimension> axes;  ///< Of the core.
   Vector half_extents;
   double radius_m = 0;
   bool half_space = false;
@@ -185,15 +219,14 @@ struct PosedShape {
     PosedShape posed;
     posed.centre = p + R * shape.centre;
     const typename Space::Rotation axes = R * shape.rotation;
-    for (int i = 0; i < kDimension; ++i)
-      posed.axes[static_cast<std::size_t>(i)] = axes * Vector(Vector::Unit(i));
+    for (int i = 0; i < kDimension; ++i) posed.axes[i] = axes * Vector(Vector::Unit(i));
     posed.half_extents = shape.half_extents;
     posed.radius_m = shape.radius_m;
     posed.half_space = shape.half_space;
     posed.normal = R * shape.normal;
     return posed;
   }
-  [[nodiscard]] const Vector& axis(int i) const { return axes[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const Vector& axis(int i) const { return axes[i]; }
 };
 
 }  // namespace tumbler

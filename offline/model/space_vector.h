@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "common/core/index.h"
+
 namespace tumbler {
 
 /// A vector of space, with the names of Eigen's vectors, of which it is none for the same reason as
@@ -30,8 +32,8 @@ class SpaceVector {
   [[nodiscard]] double x() const { return v_[0]; }
   [[nodiscard]] double y() const { return v_[1]; }
   [[nodiscard]] double z() const { return v_[2]; }
-  double operator[](int i) const { return v_[static_cast<std::size_t>(i)]; }
-  double& operator[](int i) { return v_[static_cast<std::size_t>(i)]; }
+  double operator[](int i) const { return v_[i]; }
+  double& operator[](int i) { return v_[i]; }
 
   friend SpaceVector operator+(const SpaceVector& a, const SpaceVector& b) {
     return {a.v_[0] + b.v_[0], a.v_[1] + b.v_[1], a.v_[2] + b.v_[2]};
@@ -67,7 +69,7 @@ class SpaceVector {
   [[nodiscard]] SpaceVector normalized() const { return norm() > 0 ? *this / norm() : *this; }
 
  private:
-  std::array<double, 3> v_;
+  IntArray<double, 3> v_;
 };
 
 /// A matrix of three rows and columns.
@@ -92,10 +94,8 @@ class SpaceMatrix {
 
   double operator()(int row, int column) const { return col(column)[row]; }
   double& operator()(int row, int column) { return col(column)[row]; }
-  [[nodiscard]] const SpaceVector& col(int i) const {
-    return columns_[static_cast<std::size_t>(i)];
-  }
-  [[nodiscard]] SpaceVector& col(int i) { return columns_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const SpaceVector& col(int i) const { return columns_[i]; }
+  [[nodiscard]] SpaceVector& col(int i) { return columns_[i]; }
   [[nodiscard]] SpaceVector row(int i) const { return {col(0)[i], col(1)[i], col(2)[i]}; }
 
   friend SpaceMatrix operator+(const SpaceMatrix& a, const SpaceMatrix& b) {
@@ -125,7 +125,7 @@ class SpaceMatrix {
   [[nodiscard]] double trace() const { return (*this)(0, 0) + ((*this)(1, 1) + (*this)(2, 2)); }
 
  private:
-  std::array<SpaceVector, 3> columns_;
+  IntArray<SpaceVector, 3> columns_;
 };
 
 }  // namespace tumbler

@@ -24,14 +24,14 @@ DriveDamping::DriveDamping(const Scene& scene, std::vector<int> dofs, std::vecto
       kd_(std::move(kd)) {}
 
 double DriveDamping::RateAt(std::span<const double> q) {
-  using Numbers = std::array<double, Plane::kMaxDofs>;
+  using Numbers = IntArray<double, Plane::kMaxDofs>;
   const auto n = static_cast<std::size_t>(dynamics_.size());
   const Numbers at_rest{};
   dynamics_.SetState(q, {at_rest.data(), n});
   // Accelerations are M^-1 times the torques, and those of gravity, which a difference leaves out.
   const auto accelerations = [&](int dof, double torque_nm) {
     Numbers qdd{}, tau{};
-    if (dof >= 0) tau[Index(dof)] = torque_nm;
+    if (dof >= 0) tau[dof] = torque_nm;
     dynamics_.Solve({qdd.data(), n}, {tau.data(), n});
     return qdd;
   };
@@ -42,7 +42,7 @@ double DriveDamping::RateAt(std::span<const double> q) {
   for (Eigen::Index j = 0; j < count; ++j) {
     const Numbers of_torque = accelerations(dofs_[static_cast<std::size_t>(j)], 1);
     for (Eigen::Index i = 0; i < count; ++i) {
-      const std::size_t dof = Index(dofs_[static_cast<std::size_t>(i)]);
+      const int dof = dofs_[static_cast<std::size_t>(i)];
       rates(i, j) = (of_torque[dof] - of_gravity[dof]) *
                     std::sqrt(kd_[static_cast<std::size_t>(i)] * kd_[static_cast<std::size_t>(j)]);
     }

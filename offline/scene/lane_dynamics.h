@@ -3,6 +3,9 @@
 #include <array>
 #include <cstddef>
 
+#include "common/core/index.h"
+#include "offline/model/shape.h"
+#include "offline/scene/lane_contact.h"
 #include "offline/scene/lane_robot.h"
 #include "offline/scene/vectors.h"
 
@@ -26,21 +29,16 @@ class LaneDynamics {
   using Numbers = std::array<S, LaneModel::kMaxDofs>;
 
   LaneDynamics(const LaneModel& model, const LaneRobot<S>& robot)
-      : m_(model),
-        r_(robot),
-        per_width_(S(1) / (robot.d_on - robot.d_off)),
-        per_full_(per_width_ / robot.stiffness),
-        per_v_max_(S(1) / robot.v_max),
-        per_d_on_(S(1) / robot.d_on) {}
+      : m_(model), r_(robot), law_(model, robot), per_d_on_(S(1) / robot.d_on) {}
 
   /// Accelerations of all degrees of freedom under these torques of the joints (`tau[3 + i]`).
   void Accelerate(const LaneState<S>& state, const Numbers& tau, Numbers& qdd) {
-    Place(state);
-    Touch(state);
-    Rest(state);
+    Kinematics(state);
+    ContactForces(state);
+    BiasAndInertia(state);
     Numbers right;
-    for (std::size_t i = 0; i < 3; ++i) right[i] = -rest_[i];
-    for (std::size_t i = 3; i < dofs(); ++i) right[i] = tau[i] - rest_[i];
+    for (std::size_t i = 0; i < 3; ++i) right[i] = -bias_[i];
+    for (std::size_t i = 3; i < dofs(); ++i) right[i] = tau[i] - bias_[i];
     Factor();
     Solve(right, qdd);
   }
@@ -48,14 +46,14 @@ class LaneDynamics {
   /// The same with the joints' accelerations given in `qdd[3 + i]`; the torques of their motors
   /// come out in `tau[3 + i]`.
   void AcceleratePrescribed(const LaneState<S>& state, Numbers& tau, Numbers& qdd) {
-    Place(state);
-    Touch(state);
-    Rest(state);
+    Kinematics(state);
+    ContactForces(state);
+    BiasAndInertia(state);
     // The root alone is free: 3 equations.
     const auto& M = M_;
     S b[3];
     for (std::size_t i = 0; i < 3; ++i) {
-      b[i] = -rest_[i];
+      b[i] = -bias_[i];
       for (std::size_t j = 3; j < dofs(); ++j) b[i] -= M[j][i] * qdd[j];
     }
     // x and z share the mass and do not couple, so pitch is what is left after them.
@@ -66,7 +64,7 @@ class LaneDynamics {
     qdd[0] = (b[0] - M[2][0] * qdd[2]) * inverse;
     qdd[1] = (b[1] - M[2][1] * qdd[2]) * inverse;
     for (std::size_t i = 3; i < dofs(); ++i) {
-      S sum = rest_[i];
+      S sum = bias_[i];
       for (std::size_t j = 0; j <= i; ++j) sum += M[i][j] * qdd[j];
       for (std::size_t j = i + 1; j < dofs(); ++j) sum += M[j][i] * qdd[j];
       tau[i] = sum;
@@ -90,7 +88,7 @@ class LaneDynamics {
 
   [[nodiscard]] std::size_t dofs() const { return m_.joints + 3; }
 
-  void Place(const LaneState<S>& state) {
+  void Kinematics(const LaneState<S>& state) {
     std::array<S, LaneModel::kMaxBodies> angle;
     for (std::size_t i = 0; i <= m_.joints; ++i) {
       Body& b = bodies_[i];
@@ -136,8 +134,8 @@ class LaneDynamics {
   }
 
   /// Takes the forces of contacts from those of the bodies. Points that no lane touches with cost
-  /// little, and are left out: their force would be zero.
-  void Touch(const LaneState<S>& state) {
+  /// little, and are left out: their force would be zero. Never inline: registers would be short.
+  [[gnu::noinline]] void ContactForces(const LaneState<S>& state) {
     depth_ = S(0);
     normal_force_ = S(0);
     for (std::size_t k = 0; k < m_.points; ++k) {
@@ -149,10 +147,10 @@ class LaneDynamics {
         const auto& ground = r_.grounds[g];
         const S d = ground.normal_x * (state.q[0] + px) + ground.normal_z * (state.q[1] + pz) -
                     ground.distance - point.radius;
-        Push(b, {px, pz, point.radius, d, ground.normal_x, ground.normal_z});
+        AddContactForce(b, {px, pz, point.radius, d, ground.normal_x, ground.normal_z});
       }
       for (std::size_t g = 0; g < m_.stones; ++g)
-        Push(b, NearPointOf(r_.stones[g], state, px, pz, point.radius));
+        AddContactForce(b, NearPointOf(r_.stones[g], state, px, pz, point.radius));
     }
   }
 
@@ -163,27 +161,24 @@ class LaneDynamics {
     S normal_x, normal_z;
   };
 
-  /// As FindNearPointOfCore (contact/shape.h).
+  using Pair = IntArray<S, 2>;
+
+  /// As FindNearPointOfCore (model/shape.h).
   Near NearPointOf(const typename LaneRobot<S>::Stone& stone, const LaneState<S>& state,
                    const S& px, const S& pz, const S& radius) const {
     const S dx = state.q[0] + px - stone.centre_x;
     const S dz = state.q[1] + pz - stone.centre_z;
     const S x = stone.cosine * dx + stone.sine * dz;
     const S z = stone.cosine * dz - stone.sine * dx;
-    const S rest_x = x - Clamp(x, -stone.half_x, stone.half_x);
-    const S rest_z = z - Clamp(z, -stone.half_z, stone.half_z);
-    const S length = Sqrt(rest_x * rest_x + rest_z * rest_z);
+    const Pair point{x, z}, half{stone.half_x, stone.half_z};
+    const Pair from = FromCore<2>(point, half);
+    const S length = Sqrt(from[0] * from[0] + from[1] * from[1]);
     const auto outside = S(0) < length;
     const S per_length = S(1) / Select(outside, length, S(1));
-    // Inside the core the normal leads out through the nearest side.
-    const S depth_x = stone.half_x - Max(x, -x);
-    const S depth_z = stone.half_z - Max(z, -z);
-    const auto by_x = depth_x < depth_z;
-    const S side_x = Select(by_x, Select(x < S(0), S(-1), S(1)), S(0));
-    const S side_z = Select(by_x, S(0), Select(z < S(0), S(-1), S(1)));
-    const S nx = Select(outside, rest_x * per_length, side_x);
-    const S nz = Select(outside, rest_z * per_length, side_z);
-    const S d = Select(outside, length, -Min(depth_x, depth_z)) - stone.radius - radius;
+    const auto side = NearestSide<2>(point, half);
+    const S nx = Select(outside, from[0] * per_length, side.out[0]);
+    const S nz = Select(outside, from[1] * per_length, side.out[1]);
+    const S d = Select(outside, length, -side.depth) - stone.radius - radius;
     return {px,
             pz,
             radius,
@@ -193,7 +188,7 @@ class LaneDynamics {
   }
 
   /// Takes the force of one contact from those of a body.
-  void Push(Body& b, const Near& near) {
+  void AddContactForce(Body& b, const Near& near) {
     const S x = r_.d_on - near.d;
     if (!Any(S(0) < x)) return;
     const S cx = near.px - near.radius * near.normal_x;
@@ -202,14 +197,8 @@ class LaneDynamics {
     const S vz = b.vz + b.w * (cx - b.x);
     const S v_d = vx * near.normal_x + vz * near.normal_z;
     const S v_t = vz * near.normal_x - vx * near.normal_z;
-    const S s = Clamp(x * per_width_, S(0), S(1));
-    const S beta =
-        m_.quintic ? s * s * s * (S(10) + s * (S(6) * s - S(15))) : s * s * (S(3) - S(2) * s);
-    const S y = r_.stiffness * x - r_.damping * v_d;
-    const S u = Clamp(y * per_full_, S(0), S(1));
-    const S N = beta * (y * (u * (S(2) - u)));
-    const S slip = Clamp(v_t * per_v_max_, S(-1), S(1));
-    const S F = r_.mu * N * (slip * (S(1.5) - S(0.5) * (slip * slip)));
+    const S N = NormalForceAt(law_, x, v_d);
+    const S F = law_.Friction(N, v_t);
     // The tangent is the normal turned by -90 degrees: v_t is along (-normal_z, normal_x).
     const S fx = N * near.normal_x + F * near.normal_z;
     const S fz = N * near.normal_z - F * near.normal_x;
@@ -222,13 +211,13 @@ class LaneDynamics {
 
   /// The forces at qdd = 0, and the joint-space inertia, of which the rows of the lower triangle
   /// are written.
-  void Rest(const LaneState<S>& state) {
+  void BiasAndInertia(const LaneState<S>& state) {
     for (std::size_t i = m_.joints; i > 0; --i) {
       const Body& b = bodies_[i];
       const S axis(m_.axis[i]);
       const auto& joint = r_.joints[i - 1];
       const std::size_t row = i + 2;
-      rest_[row] = axis * (b.n - (b.x * b.fz - b.z * b.fx)) + joint.viscous_friction * state.v[row];
+      bias_[row] = axis * (b.n - (b.x * b.fz - b.z * b.fx)) + joint.viscous_friction * state.v[row];
       // The composite turns about its joint at unit rate: momentum, and its moment about the root's
       // origin.
       const S Px = axis * (b.m * b.z - b.hz);
@@ -253,9 +242,9 @@ class LaneDynamics {
       p.n += b.n;
     }
     const Body& root = bodies_[0];
-    rest_[0] = root.fx;
-    rest_[1] = root.fz;
-    rest_[2] = root.n + r_.bar_friction * state.v[2];
+    bias_[0] = root.fx;
+    bias_[1] = root.fz;
+    bias_[2] = root.n + r_.bar_friction * state.v[2];
     M_[0][0] = M_[1][1] = root.m;
     M_[1][0] = S(0);
     M_[2][0] = -root.hz;
@@ -297,10 +286,11 @@ class LaneDynamics {
 
   const LaneModel& m_;
   const LaneRobot<S>& r_;
-  S per_width_, per_full_, per_v_max_, per_d_on_;  // inverses of the contact law's numbers
+  LaneContact<S> law_;
+  S per_d_on_;
   std::array<Body, LaneModel::kMaxBodies> bodies_;
   std::array<Numbers, LaneModel::kMaxDofs> M_;
-  Numbers rest_, inverse_;
+  Numbers bias_, inverse_;
   S depth_, normal_force_;
 };
 

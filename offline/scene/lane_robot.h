@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "offline/model/contact_law.h"
 #include "offline/scene/packet.h"
 
 namespace tumbler {
@@ -29,8 +30,8 @@ struct LaneModel {
   std::size_t stones = 0;   ///< All other obstacles.
   /// Whether a bar holds the root's x and z.
   bool hinged = false;
-  /// Whether the contact law's smoothing is quintic, not cubic.
-  bool quintic = false;
+  ContactSmoothing smoothing = ContactSmoothing::kCubic;
+  ContactDamping damping_law = ContactDamping::kNoPull;
 };
 
 /// Everything in which robots of an ensemble can differ, for one robot (S = double), or for as many

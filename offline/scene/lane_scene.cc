@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "common/core/index.h"
+#include "offline/scene/joint_stop.h"
 
 namespace tumbler {
 namespace {
@@ -108,11 +109,8 @@ LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
   AddBodies(scene.robot, drive, lanes);
   AddPoints(scene, lanes);
   AddObstacles(scene, lanes);
-  if (scene.contact.damping_law != ContactDamping::kNoPull) {
-    throw std::invalid_argument(
-        "the contact law pulls or is the printed one; lanes have the one that never pulls");
-  }
-  lanes.model.quintic = scene.contact.smoothing == ContactSmoothing::kQuintic;
+  lanes.model.smoothing = scene.contact.smoothing;
+  lanes.model.damping_law = scene.contact.damping_law;
   LaneRobot<double>& robot = lanes.robot;
   robot.gravity_x = scene.robot.tree.gravity.x();
   robot.gravity_z = scene.robot.tree.gravity.y();
@@ -122,8 +120,8 @@ LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
   robot.v_max = scene.contact.v_max_m_per_s;
   robot.d_on = scene.contact.d_on_m;
   robot.d_off = scene.contact.d_off_m;
-  robot.stop_stiffness = 500;
-  robot.stop_damping = 2;
+  robot.stop_stiffness = kStopStiffness_nm_per_rad;
+  robot.stop_damping = kStopDamping_nm_s_per_rad;
   return lanes;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "offline/scene/lane_robot.h"
+#include "offline/scene/motor.h"
 #include "offline/scene/scene.h"
 
 namespace tumbler {
@@ -9,8 +10,9 @@ namespace tumbler {
 struct LaneDrive {
   double kp = 200, kd = 4;
   double torque_max_nm = 8;
-  double viscous_friction_nm_s_per_rad = 0.02;  ///< Besides the URDF's damping.
-  double dry_friction_nm = 0;                   ///< Likewise besides its friction.
+  double viscous_friction_nm_s_per_rad =
+      kUsualViscousFriction_nm_s_per_rad;  ///< Besides the URDF's damping.
+  double dry_friction_nm = 0;              ///< Likewise besides its friction.
   /// From a tick to when its setpoint acts: frames take a while.
   double delay_s = 0.3e-3;
 };

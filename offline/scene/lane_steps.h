@@ -4,8 +4,11 @@
 #include <cstddef>
 #include <span>
 
+#include "common/core/drive_law.h"
+#include "offline/scene/joint_stop.h"
 #include "offline/scene/lane_dynamics.h"
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/motor.h"
 
 namespace tumbler {
 inline namespace TUMBLER_LANES_NAMESPACE {
@@ -36,20 +39,14 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& given, const LaneSte
         const auto& now = tick[j];
         const auto late = since < drive.delay;
         const S q = state.q[j + 3], v = state.v[j + 3];
-        const S wanted =
-            drive.kp * (Select(late, before.position, now.position) - (q + drive.zero_error)) +
-            drive.kd * (Select(late, before.velocity, now.velocity) - v) +
-            drive.feed_forward * Select(late, before.third, now.third);
+        const S wanted = ImpedanceTorque<S>(
+            drive.kp, Select(late, before.position, now.position) - (q + drive.zero_error),
+            drive.kd, Select(late, before.velocity, now.velocity) - v,
+            drive.feed_forward * Select(late, before.third, now.third));
         const S torque = Clamp(wanted, -drive.torque_max, drive.torque_max);
         watch.torque[j] = Max(watch.torque[j], Max(torque, -torque));
-        const S creep = Clamp(v * S(20), S(-1), S(1));  // dry friction is full above 0.05 rad/s
-        const S dry = drive.dry_friction * (creep * (S(1.5) - S(0.5) * (creep * creep)));
-        const S above =
-            Min(S(0), robot.stop_stiffness * (drive.upper - q) - robot.stop_damping * v);
-        const S below =
-            Max(S(0), robot.stop_stiffness * (drive.lower - q) - robot.stop_damping * v);
-        tau[j + 3] = torque - dry + Select(drive.upper < q, above, S(0)) +
-                     Select(q < drive.lower, below, S(0));
+        const JointStop<S> stop{robot.stop_stiffness, robot.stop_damping, drive.lower, drive.upper};
+        tau[j + 3] = torque - drive.dry_friction * DryFrictionShare(v) + stop.Torque(q, v);
       }
       dynamics.Accelerate(state, tau, qdd);
       watch.depth = Max(watch.depth, dynamics.depth());

@@ -14,12 +14,23 @@ struct DryFriction {
   double by_velocity = 0;  ///< Its derivative [N m s/rad].
 };
 
-/// The law of dry friction in a joint: it is full above 0.05 rad/s, and as smooth below it as that
-/// of contact, so that a joint creeps rather than sticks, as feet do.
+/// Of a joint whose task does not say what its motor loses.
+inline constexpr double kUsualViscousFriction_nm_s_per_rad = 0.02;
+/// Dry friction in a joint is full above this speed, and as smooth below it as that of contact, so
+/// that a joint creeps rather than sticks, as feet do.
+inline constexpr double kDryFrictionFullAbove_rad_s = 0.05;
+
+/// The part of dry friction that acts against this velocity [rad/s]: -1 to 1. S is a double, or the
+/// lanes of vectors.
+template <class S>
+[[gnu::always_inline]] inline S DryFrictionShare(const S& velocity) {
+  return FrictionShare(velocity * S(1 / kDryFrictionFullAbove_rad_s));
+}
+
+/// The same for one robot, with its derivative.
 /// @param full_nm  its full strength, >= 0.
 inline DryFriction EvaluateDryFriction(double full_nm, double velocity_rad_s) {
-  constexpr double kFullAbove_rad_s = 0.05;
-  static const ContactLaw creep{.v_max_m_per_s = kFullAbove_rad_s};
+  static const ContactLaw creep{.v_max_m_per_s = kDryFrictionFullAbove_rad_s};
   const double square = velocity_rad_s * velocity_rad_s;
   const FrictionGain friction = EvaluateFrictionGain(creep, square);
   return {full_nm * friction.gain * velocity_rad_s,

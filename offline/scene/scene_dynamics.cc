@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "common/core/index.h"
 #include "offline/model/contact_model.h"
 
 namespace tumbler {
@@ -35,10 +34,8 @@ SceneDynamics::SceneDynamics(const Scene& scene, std::unique_ptr<ContactForces<P
 }
 
 void SceneDynamics::SolveWithJoints() {
-  for (const PassiveJoint& joint : springs_) {
-    const std::size_t dof = Index(joint.dof);
-    tau[dof] -= joint.stiffness_nm_per_rad * (q[dof] - joint.rest_rad);
-  }
+  for (const PassiveJoint& joint : springs_)
+    tau[joint.dof] -= joint.stiffness_nm_per_rad * (q[joint.dof] - joint.rest_rad);
   dynamics.Solve({qdd.data(), n}, {tau.data(), n});
   for (const DryJoint& joint : dry_)
     tau[joint.dof] += EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).torque_nm;

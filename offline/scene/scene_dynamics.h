@@ -30,7 +30,7 @@ namespace tumbler {
 struct SceneDynamics {
   static constexpr int kMaxDofs = HybridDynamics<Plane>::kMaxDofs;
   /// One number for each degree of freedom.
-  using Numbers = std::array<double, kMaxDofs>;
+  using Numbers = IntArray<double, kMaxDofs>;
   /// The state of the free degrees of freedom, in their order.
   using State = MechanicalState<kMaxDofs>;
 
@@ -42,8 +42,8 @@ struct SceneDynamics {
   void SetFree(const double* y) {
     const double* velocity = y + free.size();
     for (const int dof : free) {
-      q[static_cast<std::size_t>(dof)] = *y++;
-      qd[static_cast<std::size_t>(dof)] = *velocity++;
+      q[dof] = *y++;
+      qd[dof] = *velocity++;
     }
   }
   void SetFree(const State& y) { SetFree(y.data()); }
@@ -83,9 +83,8 @@ struct SceneDynamics {
     dynamics.Differentiate(out);
     AddFrictionSlopes(out);
     for (const PassiveJoint& joint : springs_) {
-      const auto dof = static_cast<std::size_t>(joint.dof);
       for (std::size_t i = 0; i < n; ++i)
-        out.q[i][dof] -= joint.stiffness_nm_per_rad * out.input[i][dof];
+        out.q[i][joint.dof] -= joint.stiffness_nm_per_rad * out.input[i][joint.dof];
     }
   }
   /// The same as HybridDynamics::DifferentiateFactored does.
@@ -93,17 +92,15 @@ struct SceneDynamics {
     contact->Differentiate(dynamics);
     dynamics.DifferentiateFactored(out);
     AddFrictionSlopes(out);
-    for (const PassiveJoint& joint : springs_) {
-      const auto dof = static_cast<std::size_t>(joint.dof);
-      out.q[dof][dof] += joint.stiffness_nm_per_rad;
-    }
+    for (const PassiveJoint& joint : springs_)
+      out.q[joint.dof][joint.dof] += joint.stiffness_nm_per_rad;
   }
   /// Writes the derivative of the State after Solve: velocities, then accelerations.
   void TakeSlope(double* k) const {
     double* acceleration = k + free.size();
     for (const int dof : free) {
-      *k++ = qd[static_cast<std::size_t>(dof)];
-      *acceleration++ = qdd[static_cast<std::size_t>(dof)];
+      *k++ = qd[dof];
+      *acceleration++ = qdd[dof];
     }
   }
 

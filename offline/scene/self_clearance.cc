@@ -78,7 +78,9 @@ std::string NameOf(const PlanarRobot& robot, const OwnPair& pair) {
 }
 
 SelfDistances::SelfDistances(const PlanarRobot& robot, std::span<const OwnPair> pairs)
-    : root_dofs_(robot.root_dofs), bodies_(robot.tree.dofs.size()) {
+    : root_dofs_(robot.root_dofs),
+      first_joint_(Index(robot.root_dofs)),
+      bodies_(robot.tree.dofs.size()) {
   for (const Dof<Plane>& dof : robot.tree.dofs)
     joints_.push_back({dof.parent, dof.kind, dof.axis, dof.direction, dof.offset});
   for (const OwnShape& own : robot.own_shapes) {
@@ -109,7 +111,7 @@ void SelfDistances::FindSweeps() {
     double& sweep = sweep_[Index(own.body)];
     sweep = std::max(sweep, own.shape.centre.norm() + own.reach_m);
   }
-  for (std::size_t j = joints_.size(); j-- > Index(root_dofs_);) {
+  for (std::size_t j = joints_.size(); j-- > first_joint_;) {
     const int parent = joints_[j].parent;
     // A joint that slides takes its shapes anywhere.
     if (joints_[j].kind != JointKind::kRevolute)
@@ -124,7 +126,7 @@ bool SelfDistances::StillApart(std::span<const double> q, double limit_m) const 
   if (found_at_.empty() || !(apart_m_ > limit_m)) return false;
   constexpr double kRounding_m = 1e-9;
   double moved = kRounding_m;
-  for (std::size_t j = Index(root_dofs_); j < joints_.size(); ++j) {
+  for (std::size_t j = first_joint_; j < joints_.size(); ++j) {
     if (q[j] != found_at_[j]) moved += sweep_[j] * std::abs(q[j] - found_at_[j]);
   }
   return apart_m_ - moved > limit_m;
@@ -140,7 +142,7 @@ const SelfDistances::Body& SelfDistances::BodyOf(int body) const {
 }
 
 void SelfDistances::SetPositions(std::span<const double> q) {
-  for (std::size_t j = Index(root_dofs_); j < joints_.size(); ++j) {
+  for (std::size_t j = first_joint_; j < joints_.size(); ++j) {
     const Joint& joint = joints_[j];
     const Body& parent = BodyOf(joint.parent);
     Body& body = bodies_[j];
@@ -187,7 +189,7 @@ std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const d
     Near& near = near_.emplace_back();
     near.pair = pair.pair;
     near.distance_m = distance.d;
-    for (std::size_t j = Index(root_dofs_); j < joints_.size(); ++j) {
+    for (std::size_t j = first_joint_; j < joints_.size(); ++j) {
       const double sign =
           static_cast<double>(pair.moves_a >> j & 1U) - static_cast<double>(pair.moves_b >> j & 1U);
       if (sign == 0) continue;

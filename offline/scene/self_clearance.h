@@ -120,6 +120,7 @@ class SelfDistances {
   [[nodiscard]] PosedShape<Plane> Posed(int shape) const;
 
   int root_dofs_;
+  std::size_t first_joint_;
   std::vector<Joint> joints_;
   std::vector<Body> bodies_;
   Body world_;

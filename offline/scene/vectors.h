@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "common/core/scalar.h"
 #include "common/core/sine_cosine.h"
 #include "offline/scene/packet.h"
 
@@ -106,24 +107,6 @@ struct alignas(Packet) Vectors {
     return (any[0] | any[1]) != 0;
   }
 };
-
-inline double Select(bool condition, double a, double b) { return condition ? a : b; }
-inline bool Any(bool condition) { return condition; }
-inline double Sqrt(double x) { return __builtin_sqrt(x); }
-
-/// The smaller and the larger of two numbers; the second where they are equal or unordered.
-template <class S>
-S Min(const S& a, const S& b) {
-  return Select(a < b, a, b);
-}
-template <class S>
-S Max(const S& a, const S& b) {
-  return Select(b < a, a, b);
-}
-template <class S>
-S Clamp(const S& x, const S& low, const S& high) {
-  return Min(Max(x, low), high);
-}
 
 /// Sine and cosine of an angle [rad], for |angle| < 1e5: the same operations in every lane, and the
 /// bits of portable::SinCos.

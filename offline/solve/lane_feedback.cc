@@ -73,13 +73,12 @@ void LaneFeedback::Correct(const LaneState<Packet>& state,
     const double error_rad =
         std::abs(angle_rad) < 100 ? WithoutTurns(angle_rad - planned_rad) : law_.error_max_rad + 1;
     const double error_max_rad = tick_ == 0 ? law_.start_error_max_rad : law_.error_max_rad;
-    if (std::abs(error_rad) <= error_max_rad) {
+    const bool is_known = std::abs(error_rad) <= error_max_rad;
+    if (is_known) {
       lane.error_rad = error_rad;
       lane.rate_error_rad_s = known.rate_rad_s[i] - planned_rad_s;
-      lane.share = std::min(1.0, lane.share + tick_s_ / law_.fade_in_s);
-    } else {
-      lane.share = std::max(0.0, lane.share - tick_s_ / law_.fade_out_s);
     }
+    lane.share = NextShare(law_, lane.share, is_known, tick_s_);
     const double share = lane.share * ErrorShare(law_, lane.error_rad);
     for (std::size_t j = 0; j < joints_; ++j) {
       const JointFeedback<double>& joint = law_.joints[j];

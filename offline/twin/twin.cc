@@ -43,7 +43,7 @@ PrimitivePose Lifted(PrimitivePose start, double stand_m) {
 /// The friction of a joint in a twin.
 Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) {
   const JointLosses losses = joint < config.joints.size() ? config.joints[joint] : JointLosses{};
-  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad,
+  Motor motor{.viscous_friction_nm_s_per_rad = kUsualViscousFriction_nm_s_per_rad,
               .dry_friction_nm = scene.robot.dry_friction_nm[scene.robot.DofOfJoint(joint)]};
   if (joint < scene.motors.size()) motor = scene.motors[joint];
   if (losses.viscous_friction_nm_s_per_rad)
@@ -131,11 +131,11 @@ struct Twin::Implementation {
       const bool slides = scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
       const double units = slides ? kStopLever : 1;
       const double inertia = 1 / (acceleration(dof, 1) - acceleration(dof, 0));
-      passive_stops.push_back(
-          {dof,
-           std::min(units * config.stop_stiffness_nm_per_rad,
-                    kLargestStiffness * inertia / (h * h)),
-           std::min(units * config.stop_damping_nm_s_per_rad, kLargestDamping * inertia / h)});
+      passive_stops.emplace_back(dof, StopAt(dof,
+                                             std::min(units * config.stop_stiffness_nm_per_rad,
+                                                      kLargestStiffness * inertia / (h * h)),
+                                             std::min(units * config.stop_damping_nm_s_per_rad,
+                                                      kLargestDamping * inertia / h)));
     }
   }
 
@@ -154,25 +154,15 @@ struct Twin::Implementation {
 
   /// The torque of dry friction and of the stop at the joint's limit.
   [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
-    const Stop stop{scene.robot.DofOfJoint(j), config.stop_stiffness_nm_per_rad,
-                    config.stop_damping_nm_s_per_rad};
-    return StopTorque(stop, position, velocity) -
+    return StopAt(scene.robot.DofOfJoint(j), config.stop_stiffness_nm_per_rad,
+                  config.stop_damping_nm_s_per_rad)
+               .Torque(position, velocity) -
            EvaluateDryFriction(scene.motors[j].dry_friction_nm, velocity).torque_nm;
   }
 
-  /// What a joint meets at its limits.
-  struct Stop {
-    std::size_t dof;
-    double stiffness, damping;
-  };
-  [[nodiscard]] double StopTorque(const Stop& stop, double position, double velocity) const {
-    const RobotJointLimits& limits = scene.robot.limits[stop.dof];
-    const double damper = -stop.damping * velocity;
-    if (position > limits.upper_rad)
-      return std::min(0.0, -stop.stiffness * (position - limits.upper_rad) + damper);
-    if (position < limits.lower_rad)
-      return std::max(0.0, stop.stiffness * (limits.lower_rad - position) + damper);
-    return 0;
+  [[nodiscard]] JointStop<double> StopAt(std::size_t dof, double stiffness, double damping) const {
+    const RobotJointLimits& limits = scene.robot.limits[dof];
+    return {stiffness, damping, limits.lower_rad, limits.upper_rad};
   }
 
   [[nodiscard]] int BodyOfContact(const ActiveContact<Plane>& active) const {
@@ -229,8 +219,8 @@ struct Twin::Implementation {
       const std::size_t dof = scene.robot.DofOfJoint(j);
       robot.tau[dof] += Resistance(j, robot.q[dof], robot.qd[dof]);
     }
-    for (const Stop& stop : passive_stops)
-      robot.tau[stop.dof] += StopTorque(stop, robot.q[stop.dof], robot.qd[stop.dof]);
+    for (const auto& [dof, stop] : passive_stops)
+      robot.tau[dof] += stop.Torque(robot.q[dof], robot.qd[dof]);
     robot.Solve();
     robot.TakeSlope(k);
   }
@@ -288,7 +278,7 @@ struct Twin::Implementation {
   SceneDynamics::State start_state, y;
   std::vector<int> place;  // of each degree of freedom in the state; -1: stand or bar holds it
   SceneDynamics::Numbers drive_torque{};
-  std::vector<Stop> passive_stops;
+  std::vector<std::pair<std::size_t, JointStop<double>>> passive_stops;  // with their places
   std::vector<int> push_bodies, patch_obstacles;
   std::vector<ActiveContact<Plane>> touching;
   std::array<double, 2> push_n{};

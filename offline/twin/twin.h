@@ -12,15 +12,13 @@
 #include "common/files/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/devices/simulated_drive.h"
+#include "offline/scene/joint_stop.h"
 #include "offline/scene/scene.h"
 
 namespace tumbler {
 
 /// Friction and rotor inertia of a joint.
 struct JointLosses {
-  /// Of a joint whose task does not say what its motor loses.
-  static constexpr double kUsualFriction_nm_s_per_rad = 0.02;
-
   /// Friction of bearing and gear. It adds to the damping in the URDF. None: that of the task's
   /// motor, or the usual one.
   std::optional<double> viscous_friction_nm_s_per_rad;
@@ -64,10 +62,9 @@ struct TwinConfig {
   /// In the order of the robot's joints. Joints without an entry have the defaults.
   std::vector<JointLosses> joints;
 
-  /// At the URDF's position limits, a joint meets a stop: a spring that never pulls, with a damper.
-  /// A leg at 10 rad/s goes 0.04 rad into it. 0: no stop.
-  double stop_stiffness_nm_per_rad = 500;
-  double stop_damping_nm_s_per_rad = 2;
+  /// Of the stops that joints meet at the URDF's position limits (JointStop). 0: no stop.
+  double stop_stiffness_nm_per_rad = kStopStiffness_nm_per_rad;
+  double stop_damping_nm_s_per_rad = kStopDamping_nm_s_per_rad;
 
   /// None: the contact law of the scene.
   std::optional<ContactLaw> contact;

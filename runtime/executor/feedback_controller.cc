@@ -79,14 +79,12 @@ void FeedbackController::Correct(const PitchEstimate& pitch, std::span<const Joi
   GainPlace<float> place;
   float share = 0;
   if (feedback.present()) {
-    // It fades in while the error is known, and else out.
-    if (loop_ != Loop::kOpen && MeasureError(pitch, joints, moving, primitive_time_s)) {
-      loop_ = Loop::kKnown;
-      share_ = std::min(1.0F, share_ + time_s / feedback.fade_in_s);
-    } else {
-      loop_ = loop_ == Loop::kStarts || loop_ == Loop::kOpen ? Loop::kOpen : Loop::kLost;
-      share_ = std::max(0.0F, share_ - time_s / feedback.fade_out_s);
-    }
+    const bool known =
+        loop_ != Loop::kOpen && MeasureError(pitch, joints, moving, primitive_time_s);
+    loop_ = known                                            ? Loop::kKnown
+            : loop_ == Loop::kStarts || loop_ == Loop::kOpen ? Loop::kOpen
+                                                             : Loop::kLost;
+    share_ = NextShare(feedback, share_, known, time_s);
     share = share_ * ErrorShare(feedback, error_rad_);
     held_s_ = moving ? 0 : std::min(held_s_ + time_s, kLongHold_s);
     place = FindGains(feedback, primitive_time_s + held_s_, gain_knot_);

@@ -34,6 +34,16 @@ PrimitiveFile WithFeedback(unsigned seed, int knots = 5) {
 
 // ---- The law ------------------------------------------------------------------------------------
 
+TEST(FeedbackLaw, FadesInWhileTheErrorIsKnownAndOutWhileItIsNotWithinZeroAndOne) {
+  Feedback<double> feedback = WithFeedback(1).primitive.feedback;
+  feedback.fade_in_s = 0.5;
+  feedback.fade_out_s = 0.25;
+  EXPECT_EQ(NextShare(feedback, 0.25, true, 0.125), 0.5);
+  EXPECT_EQ(NextShare(feedback, 0.75, false, 0.125), 0.25);
+  EXPECT_EQ(NextShare(feedback, 0.9, true, 0.125), 1);
+  EXPECT_EQ(NextShare(feedback, 0.1, false, 0.125), 0);
+}
+
 /// A gain at a time, by its definition: the sum of hats.
 double HatSum(const std::vector<double>& knots, const std::vector<double>& values, double time_s) {
   const double t = std::min(std::max(time_s, knots.front()), knots.back());

@@ -91,6 +91,16 @@ TEST(ContactLaw, TheSignedLawPullsWhenItSeparatesFast) {
   EXPECT_LT(EvaluateNormalForce(law, 0.0025, 1.0).N, 0);
 }
 
+TEST(ContactLaw, FrictionAlongALineIsThatOfAVectorButForRounding) {
+  const ContactLaw law;
+  for (double slip = -3; slip < 3; slip += 0.01) {
+    const double v = slip * law.v_max_m_per_s;
+    EXPECT_NEAR(FrictionShare(v / law.v_max_m_per_s), EvaluateFrictionGain(law, v * v).gain * v,
+                4e-16)
+        << slip;
+  }
+}
+
 TEST(ContactLaw, FrictionIsContinuousWithItsDerivativeAtTheSlipSpeedAndAtRest) {
   const ContactLaw law;
   const double v2 = law.v_max_m_per_s * law.v_max_m_per_s;

@@ -221,6 +221,41 @@ TEST(Lanes, AccelerationsAreThoseOfTheSceneDynamics) {
   EXPECT_GT(touching, 100);
 }
 
+TEST(Lanes, AccelerationsAreThoseOfTheSceneDynamicsUnderEveryContactLaw) {
+  std::mt19937_64 random(6);
+  for (const auto smoothing : {ContactSmoothing::kCubic, ContactSmoothing::kQuintic}) {
+    for (const auto law :
+         {ContactDamping::kNoPull, ContactDamping::kSigned, ContactDamping::kPrinted}) {
+      BothDynamics both(false);
+      both.scene.contact.smoothing = smoothing;
+      both.scene.contact.damping_law = law;
+      both.lanes = MakeLaneScene(both.scene, {.viscous_friction_nm_s_per_rad = 0});
+      both.one = std::make_unique<SceneDynamics>(both.scene);
+      LaneDynamics<double> lanes(both.lanes.model, both.lanes.robot);
+      int touching = 0, pulling = 0;
+      for (int trial = 0; trial < 500; ++trial) {
+        const LaneState<double> state = both.Place(random);
+        LaneDynamics<double>::Numbers tau{}, qdd{};
+        both.one->tau.fill(0);
+        both.one->Solve();
+        lanes.Accelerate(state, tau, qdd);
+        double force = 0, size = 0;
+        for (const auto& contact : both.one->contact->active()) {
+          force += contact.normal_force_n;
+          size += std::abs(contact.normal_force_n);
+          pulling += contact.normal_force_n < 0 ? 1 : 0;
+        }
+        touching += size > 0 ? 1 : 0;
+        EXPECT_NEAR(lanes.normal_force(), force, 1e-9 * (1 + size));
+        for (std::size_t i = 0; i < 5; ++i)
+          EXPECT_NEAR(qdd[i], both.one->qdd[i], 1e-9 * (1 + std::abs(both.one->qdd[i]) + size));
+      }
+      EXPECT_GT(touching, 100);
+      EXPECT_EQ(pulling > 0, law != ContactDamping::kNoPull);
+    }
+  }
+}
+
 TEST(Lanes, AccelerationsOnObstaclesThatEndAreThoseOfTheSceneDynamics) {
   BothDynamics both(false);
   both.scene.obstacles.clear();
@@ -353,9 +388,6 @@ TEST(Lanes, AScenePartThatLanesDoNotHaveIsRefusedByName) {
   EXPECT_NE(RefusalOf(scene).find("is no sphere"), std::string::npos);
   scene.obstacles.pop_back();
   EXPECT_EQ(RefusalOf(scene), "");
-  scene.contact.damping_law = ContactDamping::kSigned;
-  EXPECT_NE(RefusalOf(scene).find("contact law"), std::string::npos);
-  scene.contact.damping_law = ContactDamping::kNoPull;
   scene.robot.tree.dofs[4].kind = JointKind::kPrismatic;
   EXPECT_NE(RefusalOf(scene).find("'leg2' is prismatic"), std::string::npos);
 }

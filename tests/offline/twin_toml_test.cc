@@ -58,7 +58,7 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
     EXPECT_EQ(shipped.motors[j].thermal_time_constant_s, none.motors[j].thermal_time_constant_s);
     EXPECT_EQ(shipped.motors[j].base_speed_rad_s, none.motors[j].base_speed_rad_s);
     EXPECT_EQ(shipped.twin.joints[j].viscous_friction_nm_s_per_rad,
-              JointLosses::kUsualFriction_nm_s_per_rad);
+              kUsualViscousFriction_nm_s_per_rad);
     EXPECT_FALSE(none.twin.joints[j].viscous_friction_nm_s_per_rad) << "the task's, or as usual";
     EXPECT_EQ(shipped.twin.joints[j].dry_friction_nm, 0);
     EXPECT_EQ(shipped.twin.joints[j].rotor_inertia_kg_m2, 0.001) << "the tasks'";

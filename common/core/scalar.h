@@ -1,0 +1,33 @@
+#pragma once
+
+namespace tumbler {
+
+/// What formulas need besides + - * / and <, so that one text of a law serves a double as well as
+/// the lanes of vectors (`offline/scene/vectors.h`), which have their own Select, Any and Sqrt.
+/// Lanes cannot branch, and get the bits of a double.
+///
+/// Always inline: sources that are compiled for other vectors must not share a copy.
+
+/// `a` where the condition holds, else `b`.
+[[gnu::always_inline]] inline double Select(bool condition, double a, double b) {
+  return condition ? a : b;
+}
+/// Whether a condition holds in any lane.
+[[gnu::always_inline]] inline bool Any(bool condition) { return condition; }
+[[gnu::always_inline]] inline double Sqrt(double x) { return __builtin_sqrt(x); }
+
+/// The smaller and the larger of two numbers; the second where they are equal or unordered.
+template <class S>
+[[gnu::always_inline]] inline S Min(const S& a, const S& b) {
+  return Select(a < b, a, b);
+}
+template <class S>
+[[gnu::always_inline]] inline S Max(const S& a, const S& b) {
+  return Select(b < a, a, b);
+}
+template <class S>
+[[gnu::always_inline]] inline S Clamp(const S& x, const S& low, const S& high) {
+  return Min(Max(x, low), high);
+}
+
+}  // namespace tumbler
