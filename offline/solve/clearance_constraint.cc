@@ -10,7 +10,8 @@
 #include "offline/problem/end_points.h"
 #include "offline/scene/even_steps.h"
 #include "offline/scene/self_clearance.h"
-#include "offline/solve/rollout.h"
+#include "offline/solve/joint_paths.h"
+#include "offline/solve/smooth_maximum.h"
 
 namespace tumbler {
 namespace {
@@ -55,19 +56,14 @@ struct ClearanceConstraint::Implementation {
   [[nodiscard]] const Weights& WeightsOf(std::size_t joint, int k) const {
     return weights[joint * Index(steps.count + 1) + Index(k)];
   }
-  /// A joint's control point; `i` counts from the first one, which the start fixes.
-  [[nodiscard]] double PointOf(std::size_t joint, int i, std::span<const double> x) const {
-    const ActuatedJoint& actuated = problem.joints[joint];
-    if (i < 3 || i >= 3 + actuated.free_points()) return ends[joint].At(i, actuated.control_points);
-    return x[Index(first_parameter[joint] + i - 3)];
-  }
 
   void SetJoints(int k, std::span<const double> x) {
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const Weights& w = WeightsOf(j, k);
       double position = 0;
       for (int i = 0; i <= problem.degree; ++i)
-        position += w.w[Index(i)] * PointOf(j, w.first + i, x);
+        position += w.w[Index(i)] *
+                    ControlPointOf(problem.joints[j], ends[j], first_parameter[j], x, w.first + i);
       q[Index(problem.joints[j].dof)] = position;
     }
   }
@@ -119,10 +115,9 @@ struct ClearanceConstraint::Implementation {
     for (std::size_t j = 0; j < slopes.size(); ++j) {
       if (slopes[j] == 0) continue;
       const Weights& w = WeightsOf(j, k);
-      const int begin = std::max(0, 3 - w.first);
-      const int end = std::min(problem.degree + 1, 3 + problem.joints[j].free_points() - w.first);
-      for (int i = begin; i < end; ++i)
-        gradient[Index(first_parameter[j] + w.first + i - 3)] += slopes[j] * w.w[Index(i)];
+      const FreeWeights free(problem.joints[j], first_parameter[j], problem.degree, w.first);
+      for (int i = free.begin; i < free.end; ++i)
+        gradient[Index(free.shift + i)] += slopes[j] * w.w[Index(i)];
       if (problem.free_duration)
         gradient.back() += problem.duration_s * slopes[j] * MovedWithEnds(j, w);
     }

@@ -75,7 +75,7 @@ std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearR
              "torque of " + JointName(problem, j), static_cast<Eigen::Index>(j + 1),
              1 - problem.solver.torque_margin);
   }
-  consider(result.core_excess, "penetration", outputs.rows() - 2);
+  consider(result.penetration_excess, "penetration", outputs.rows() - 2);
   consider(result.clearance_excess, "clearance of own shapes", outputs.rows() - 1,
            1e-3 / kClearanceScale_m);
   return active;
@@ -200,7 +200,7 @@ std::vector<double> SimulatedConstraints(const Problem& problem, const RolloutRe
   std::vector<double> values;
   for (const double excess : result.torque_excess)
     values.push_back(excess + problem.solver.torque_margin);
-  values.push_back(result.core_excess);
+  values.push_back(result.penetration_excess);
   if (!problem.scene.self_contact.pairs.empty()) values.push_back(result.clearance_excess);
   return values;
 }
@@ -219,7 +219,7 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
              [&] { return "torque of " + JointName(problem, j); });
   }
   const double core_margin = problem.solver.core_margin;
-  consider(result.core_excess - (1 - kKeptMargin) * core_margin / (1 - core_margin),
+  consider(result.penetration_excess - (1 - kKeptMargin) * core_margin / (1 - core_margin),
            [] { return std::string("penetration"); });
   consider(result.clearance_excess, [] { return std::string("clearance of own shapes"); });
   for (std::size_t i = 0; i < x.size(); ++i) {

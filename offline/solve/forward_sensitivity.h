@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <memory>
 #include <span>
 
@@ -8,22 +7,10 @@
 #include "offline/problem/problem.h"
 #include "offline/scene/integrator.h"
 #include "offline/scene/step_grid.h"
-#include "offline/solve/rollout.h"
+#include "offline/solve/gauss_newton.h"
+#include "offline/solve/rollout_result.h"
 
 namespace tumbler {
-
-/// What Gauss and Newton's method knows of a cost's second derivatives.
-struct GaussNewton {
-  /// Those of the cost's squares, effort included, without those of what is squared. Integrals are
-  /// summed over the ends of steps.
-  Eigen::MatrixXd matrix;
-  /// The derivatives of RolloutResult::residuals, one row for each.
-  Eigen::MatrixXd residual_slopes;
-  /// The part of the cost that is made of those squares.
-  double squares = 0;
-  /// The derivatives of the rest of it.
-  Eigen::VectorXd linear;
-};
 
 /// Cost and gradient by the paper's method [AB04, section V]. The states of Eq. 8 and their
 /// derivatives in every parameter are integrated together, with dg (Eq. 9) at every stage:
@@ -35,10 +22,18 @@ struct GaussNewton {
 /// seventy-seven gradient equations. B has entries only where a basis function is not zero.
 ///
 /// With the fixed scheme the gradient is that of the discrete computation, as Rollout's is: the two
-/// agree to rounding, and share nothing but g and dg. The adaptive scheme is the independent
-/// reference for the error of a fixed step. It bounds the error of states *and* sensitivities:
-/// bounding that of the states alone would leave the error of the gradient open. The price grows
-/// with the number of parameters.
+/// agree to rounding. They share g and dg, what they take from the parameters (ParametricMotion)
+/// and what they put out of the robot at one time (MotionOutputs). Each propagates, sums over time
+/// and differentiates in its own way. The adaptive scheme is the independent reference for the
+/// error of a fixed step.
+///
+/// Why both: the adjoint goes back through steps that were chosen before. The adaptive scheme
+/// bounds the error of states *and* sensitivities, for which it takes the sensitivities while it
+/// goes forward; bounding the error of the states alone would leave that of the gradient open. It
+/// also has the derivatives of each residual and of every torque at every step, of which the
+/// Gauss-Newton matrix is made. SolveNear needs both. For a gradient alone the adjoint is cheaper:
+/// its price hardly grows with the number of parameters, and is 0.73 of this one's for 6 and 0.46
+/// for 48 (docs/benchmarks.md, a gradient by either method).
 ///
 /// Not thread-safe: one object per thread. In the integration, only the returned vectors allocate.
 class ForwardSensitivity {
@@ -50,7 +45,7 @@ class ForwardSensitivity {
   ForwardSensitivity(ForwardSensitivity&&) noexcept;
 
   [[nodiscard]] int parameter_count() const;
-  /// Number of outputs with a gradient, as Rollout's.
+  /// Number of outputs with a gradient (OutputRows), as Rollout's.
   [[nodiscard]] int output_count() const;
   /// Number of rows of y.
   [[nodiscard]] int state_equations() const;

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "offline/problem/end_points.h"
-#include "offline/solve/rollout.h"
 
 namespace tumbler {
 
@@ -76,6 +76,19 @@ StepGrid FreeDuration::Stretched(StepGrid grid) const {
   const double factor = (duration_s_ - from_s_) / std::accumulate(first, grid.motion.end(), 0.0);
   std::for_each(first, grid.motion.end(), [factor](double& step_s) { step_s *= factor; });
   return grid;
+}
+
+StepGrid EvenGrid(const Problem& problem, double longest_s) {
+  std::vector<double> motion, settling;
+  bool held = false;
+  const double longest_duration_s =
+      problem.free_duration ? problem.free_duration->max_s : problem.duration_s;
+  for (const CostInstant& instant : problem.instants(longest_duration_s)) {
+    (held ? settling : motion).push_back(instant.since_s);
+    held = instant.held;
+  }
+  StepGrid grid = EvenGrid(motion, settling, longest_s);
+  return problem.free_duration ? FreeDuration(problem).Stretched(std::move(grid)) : grid;
 }
 
 std::vector<std::size_t> StepsUntil(const StepGrid& grid, std::span<const CostInstant> instants) {

@@ -7,13 +7,9 @@
 #include "common/core/primitive.h"
 #include "offline/problem/problem.h"
 #include "offline/scene/step_grid.h"
+#include "offline/solve/joint_paths.h"
 
 namespace tumbler {
-
-/// The path of a joint at one time, or its derivative by something [rad, rad/s, rad/s^2].
-struct PathPoint {
-  double q = 0, qd = 0, qdd = 0;
-};
 
 /// How the times, steps and paths of a motion follow its duration T, where that is a parameter of
 /// the problem.
@@ -38,7 +34,7 @@ class FreeDuration {
   [[nodiscard]] double stretched_from_s() const { return from_s_; }
   /// The derivative of a step after that time by the parameter, divided by the step.
   [[nodiscard]] double growth() const { return unit_s_ / (duration_s_ - from_s_); }
-  /// The same of a step that begins here.
+  /// That of a step that begins here: 0 before that time.
   [[nodiscard]] double GrowthOfStepAt(double begin_s) const {
     return begin_s > from_s_ - kSameTime_s ? growth() : 0;
   }
@@ -60,6 +56,10 @@ class FreeDuration {
   /// By T, of the paths at the same t / T, if an end moves: then the points there move with T.
   std::vector<Spline> moved_;
 };
+
+/// The equal steps of a new Rollout: between the instants of the problem's cost, no longer than
+/// `longest_s`. Where the duration is free, they are as many as its longest needs.
+StepGrid EvenGrid(const Problem& problem, double longest_s);
 
 /// For each instant, how many steps of its phase are before it.
 std::vector<std::size_t> StepsUntil(const StepGrid& grid, std::span<const CostInstant> instants);

@@ -3,53 +3,41 @@
 #include <functional>
 #include <memory>
 #include <span>
-#include <vector>
 
 #include "offline/model/contact_forces.h"
 #include "offline/problem/problem.h"
 #include "offline/scene/motion_sample.h"
 #include "offline/scene/step_grid.h"
-#include "offline/solve/smooth_maximum.h"
+#include "offline/solve/free_duration.h"
+#include "offline/solve/joint_paths.h"
+#include "offline/solve/rollout_result.h"
 
 namespace tumbler {
-
-/// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
-inline constexpr double kImplausibleState = 1e4;
-
-/// The result of a rollout with one choice of parameters.
-struct RolloutResult {
-  double cost = 0;
-  /// False when the state left every plausible range. The cost is then infinite.
-  bool finite = true;
-  bool any_contact = false;
-  /// Deepest penetration into the compliant layer.
-  double peak_penetration_m = 0;
-  /// Largest distance of the pitch from the target of a cost term in the pitch's square. 0 when
-  /// there is no such term.
-  double target_error_rad = 0;
-  /// The residuals of the cost's terms that draw the motion to a target (CostTerm::Residual), in
-  /// the order of the problem's instants.
-  std::vector<double> residuals;
-  /// For each joint, the smooth maximum of |tau| / limit, less 1, with the torque tau of its motor.
-  /// An upper bound of the true one, unless its peak is shorter than kPeakDuration_s. Where a motor
-  /// has a torque-speed curve, that of |OnCurve| counts in it, too.
-  std::vector<double> torque_excess;
-  /// The smooth maximum of penetration over the usable part of the layer, less 1, likewise.
-  double core_excess = -1;
-  /// The same of the clearance between the robot's own shapes, see ClearanceConstraint.
-  double clearance_excess = -1;
-  /// For each joint, the largest |tau| of its motor at the starts of steps.
-  std::vector<double> peak_torque_nm;
-};
 
 /// Integrates [AB04, Eq. 8] by single shooting and differentiates the result exactly.
 ///
 /// Steps end at every instant at which the cost looks (`Problem::instants`). The scheme is the
 /// classical Runge-Kutta method of order 4 with equal steps between these, until `Use` gives it
 /// other steps, which are those of Dormand and Prince's method of order 5. The gradient is the
-/// derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
-/// depends on the number of parameters, and it agrees with differences of the cost to rounding.
-/// A task may ask for the paper's forward gradient instead (ForwardSensitivity, with equal steps).
+/// derivative of that very computation, by the discrete adjoint (Adjoint): the price of a gradient
+/// hardly depends on the number of parameters, and it agrees with differences of the cost to
+/// rounding. A task may ask for the paper's forward gradient instead (ForwardSensitivity, with
+/// equal steps).
+///
+/// Its parts, in the order in which numbers go through them:
+///
+/// | part | |
+/// |---|---|
+/// | ParametricMotion | from x to start, duration and instants |
+/// | Timetable | the steps, and the points in time of their stages |
+/// | PathTable | the joints' paths at these points, and back from them to x |
+/// | Propagation | the state through the steps |
+/// | MotionOutputs | from the robot at one time to what cost and constraints are made of |
+/// | MotionRecord | all of it, stage by stage |
+/// | StageMaxima | smooth maxima over the stages, and their derivatives |
+/// | Adjoint | back through the record |
+///
+/// ForwardSensitivity shares ParametricMotion and MotionOutputs with it, and none of the others.
 ///
 /// Not thread-safe: one object per thread. After the first gradient, only the returned vectors
 /// allocate.
@@ -65,8 +53,7 @@ class Rollout {
   Rollout(Rollout&&) noexcept;
 
   [[nodiscard]] int parameter_count() const;
-  /// Number of outputs with a gradient: the cost, the torque excess of each joint, the core excess,
-  /// the clearance excess.
+  /// Number of outputs with a gradient (OutputRows).
   [[nodiscard]] int output_count() const;
 
   /// Cost, torques and penetration for the parameters x: the free control points [rad] of the first
@@ -74,8 +61,8 @@ class Rollout {
   RolloutResult Run(std::span<const double> x);
 
   /// The same, with gradients.
-  /// @param gradient  gets a row for each output, one after the other, with a number for each
-  /// parameter.
+  /// @param gradient  gets a row for each output (OutputRows), one after the other, with a number
+  /// for each parameter.
   /// @throws std::invalid_argument when `gradient` has another size.
   RolloutResult Run(std::span<const double> x, std::span<double> gradient);
 
@@ -98,17 +85,5 @@ class Rollout {
   struct Implementation;
   std::unique_ptr<Implementation> implementation_;
 };
-
-/// The equal steps of a new Rollout: between the instants of the problem's cost, no longer than
-/// `longest_s`.
-StepGrid EvenGrid(const Problem& problem, double longest_s);
-
-/// All control points of a joint for the parameters x: fixed start, free points, fixed end [rad].
-std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
-                                  std::size_t joint);
-
-/// The joint's spline for the parameters x.
-JointMotion<double>::Spline PositionSpline(const Problem& problem, std::span<const double> x,
-                                           std::size_t joint);
 
 }  // namespace tumbler

@@ -220,7 +220,7 @@ class LocalSolve {
     const auto round = [](double& value) { value = RoundedTo(value, value); };
     round(result_.cost);
     for (double& excess : result_.torque_excess) round(excess);
-    round(result_.core_excess);
+    round(result_.penetration_excess);
     round(result_.clearance_excess);
     if (!has_gradient_) return;
     for (Eigen::Index row = 0; row < outputs_.rows(); ++row) {

@@ -15,6 +15,7 @@
 #include "offline/model/least_squares.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/output_gradients.h"
+#include "offline/solve/rollout.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
@@ -116,7 +117,7 @@ TEST(StepsFor, HardlyMoveTheSmoothMaximaOfAMotion) {
         EXPECT_NEAR(chosen.result.torque_excess[j], reference.result.torque_excess[j], steps.most)
             << name << " " << steps.tolerance << " " << j;
       }
-      EXPECT_NEAR(chosen.result.core_excess, reference.result.core_excess, steps.most)
+      EXPECT_NEAR(chosen.result.penetration_excess, reference.result.penetration_excess, steps.most)
           << name << " " << steps.tolerance;
     }
   }
@@ -189,8 +190,8 @@ TEST_P(EveryTask, AgreesWithTheAdjointThroughItsContacts) {
       if (!std::isfinite(problem.joints[j].limits.torque_max_nm)) continue;
       expect_equal(static_cast<Eigen::Index>(1 + j));
     }
-    EXPECT_NEAR(forward.result.core_excess, adjoint.result.core_excess, 1e-9);
-    if (adjoint.result.core_excess > -1)
+    EXPECT_NEAR(forward.result.penetration_excess, adjoint.result.penetration_excess, 1e-9);
+    if (adjoint.result.penetration_excess > -1)
       expect_equal(static_cast<Eigen::Index>(1 + problem.joints.size()));
   }
 }

@@ -79,7 +79,7 @@ double Off(const Eigen::RowVectorXd& a, const Eigen::RowVectorXd& b) {
 std::vector<double> OutputsOf(const RolloutResult& result) {
   std::vector<double> outputs = {result.cost};
   outputs.insert(outputs.end(), result.torque_excess.begin(), result.torque_excess.end());
-  outputs.insert(outputs.end(), {result.core_excess, result.clearance_excess});
+  outputs.insert(outputs.end(), {result.penetration_excess, result.clearance_excess});
   return outputs;
 }
 
@@ -112,7 +112,7 @@ TEST(FreeDuration, TheDerivativesOfAllOutputsAreThoseOfDifferences) {
       auto gradient = Gradients::Of(rollout);
       const RolloutResult result = rollout.Run(x, gradient);
       ASSERT_TRUE(result.finite);
-      ASSERT_GT(result.core_excess, -1);
+      ASSERT_GT(result.penetration_excess, -1);
       const auto outputs = [&](const std::vector<double>& y) { return OutputsOf(rollout.Run(y)); };
       for (Eigen::Index output = 0; output < gradient.rows(); ++output) {
         EXPECT_LT(OffDifferences(gradient, output, x, outputs), 1e-6)

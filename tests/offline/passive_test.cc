@@ -337,7 +337,7 @@ TEST(Passive, GradientsOfAdjointAndForwardSensitivitiesAgreeAndAreThoseOfDiffere
         const Gradients forward = GradientsOf(
             ForwardSensitivity(problem, adaptive ? AdaptiveSteps(problem) : StepSettings{}), x);
         ASSERT_TRUE(adjoint.result.finite);
-        ASSERT_EQ(adjoint.result.core_excess > -1, hops);
+        ASSERT_EQ(adjoint.result.penetration_excess > -1, hops);
         for (Eigen::Index row = 0; row < (hops ? 3 : 2); ++row) {
           EXPECT_LT((adjoint.gradient.row(row) - forward.gradient.row(row)).cwiseAbs().maxCoeff(),
                     1e-8 * forward.gradient.row(row).cwiseAbs().maxCoeff())

@@ -19,7 +19,7 @@ constexpr double kTolerance = 1e-5;
 std::vector<double> Outputs(const RolloutResult& result) {
   std::vector<double> out{result.cost};
   out.insert(out.end(), result.torque_excess.begin(), result.torque_excess.end());
-  out.push_back(result.core_excess);
+  out.push_back(result.penetration_excess);
   out.push_back(result.clearance_excess);
   return out;
 }
@@ -272,8 +272,8 @@ TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     const RolloutResult result = rollout.Run(RandomMotion(problem, 15));
     const double excess = result.peak_penetration_m / (0.9 * problem.scene.contact.d_on_m) - 1;
     EXPECT_GT(excess, -1);
-    EXPECT_GE(result.core_excess, excess);
-    EXPECT_LE(result.core_excess, excess + std::log(4 * 10 * 1400.0) / problem.solver.sharpness);
+    EXPECT_GE(result.penetration_excess, excess);
+    EXPECT_LE(result.penetration_excess, excess + std::log(4 * 10 * 1400.0) / problem.solver.sharpness);
   }
 }
 
@@ -286,7 +286,7 @@ TEST(Rollout, TheStepHardlyMovesTheSmoothMaxima) {
     const double by_count = std::log(2.0) / problem.solver.sharpness;
     for (std::size_t j = 0; j < 2; ++j)
       EXPECT_NEAR(a.torque_excess[j], b.torque_excess[j], 0.3 * by_count);
-    EXPECT_NEAR(a.core_excess, b.core_excess, 0.3 * by_count);
+    EXPECT_NEAR(a.penetration_excess, b.penetration_excess, 0.3 * by_count);
   }
 }
 
@@ -332,7 +332,7 @@ TEST(Rollout, GradientOfThePenetrationHoldsWhereTheLayerIsCrossed) {
   Rollout rollout(problem, 1e-3);
   auto gradient = OutputGradients::Of(rollout);
   const std::vector<double> x = RandomMotion(problem, 3);
-  ASSERT_GT(rollout.Run(x, gradient).core_excess, 0);
+  ASSERT_GT(rollout.Run(x, gradient).penetration_excess, 0);
   constexpr int kCoreRow = 3;
   EXPECT_GT(gradient.row(kCoreRow).cwiseAbs().maxCoeff(), 0.01);
   EXPECT_LT(GradientErrors(problem, x, 1e-3)[kCoreRow], kTolerance);

@@ -24,6 +24,7 @@
 #include "offline/solve/clearance_constraint.h"
 #include "offline/solve/output_gradients.h"
 #include "offline/solve/rollout.h"
+#include "offline/solve/smooth_maximum.h"
 #include "tests/support/crossing_legs.h"
 #include "tests/support/handstand.h"
 #include "tests/support/random_shape.h"

@@ -1,0 +1,248 @@
+#include "offline/solve/adjoint.h"
+
+#include <algorithm>
+
+#include "common/core/index.h"
+
+namespace tumbler {
+
+Adjoint::Pullback::Pullback() {
+  adjoint.fill(OutputLanes::Zero());
+  for (StateBar& block : y_bar) block.fill(OutputLanes::Zero());
+  for (auto& path : paths) path.fill(OutputLanes::Zero());
+}
+
+Adjoint::Adjoint(Propagation& forward)
+    : forward_(forward),
+      free_(static_cast<int>(forward.robot.free.size())),
+      joints_(forward.motion.joints()),
+      dofs_(free_ + joints_) {}
+
+void Adjoint::Run(const RolloutResult& result, std::span<double> gradient) {
+  if (forward_.table.classical) return RunScheme<kClassical>(result, gradient);
+  RunScheme<kDormandPrince>(result, gradient);
+}
+
+template <const Tableau& kScheme>
+void Adjoint::RunScheme(const RolloutResult& result, std::span<double> gradient) {
+  std::fill(gradient.begin(), gradient.end(), 0.0);
+  // The clearance needs no simulation, so its gradient is known already.
+  std::ranges::copy(forward_.clearance_gradient,
+                    gradient.last(forward_.clearance_gradient.size()).begin());
+  pullback_ = {};
+  int lanes = 0;
+  const auto add_lane = [&](int output, double limit) {
+    pullback_.lanes[Index(lanes++)] = {output, limit};
+    if (lanes < OutputLanes::kCount) return;
+    PullBack<kScheme>(gradient);
+    pullback_ = {};
+    lanes = 0;
+  };
+  add_lane(OutputRows::kCost, 0);
+  for (int j = 0; j < joints_; ++j) {
+    if (forward_.outputs.IsTorqueLimited(j))
+      add_lane(OutputRows::torque(j), forward_.motion.joint(j).limits.torque_max_nm);
+  }
+  if (result.penetration_excess > -1) {
+    pullback_.penetration_lane = lanes;
+    add_lane(forward_.outputs.rows().penetration(), 0);
+  }
+  if (lanes > 0) PullBack<kScheme>(gradient);
+}
+
+template <const Tableau& kScheme>
+void Adjoint::PullBack(std::span<double> gradient) {
+  const int parameters = forward_.motion.parameters();
+  parameters_.assign(Index(parameters), OutputLanes::Zero());
+  std::size_t instant = forward_.instant_states.size();
+  AddInstants(forward_.table.steps(), instant);
+  StateBar total;
+  for (int step = forward_.table.steps() - 1; step >= 0; --step) {
+    std::copy_n(pullback_.adjoint.begin(), 2 * free_, total.begin());
+    for (int s = static_cast<int>(kScheme.own_stages()) - 1; s >= 0; --s) {
+      PullBackStage<kScheme>(step, s);
+      for (int i = 0; i < 2 * free_; ++i) total[Index(i)] += pullback_.y_bar[Index(s)][Index(i)];
+    }
+    std::copy_n(total.begin(), 2 * free_, pullback_.adjoint.begin());
+    AddInstants(step, instant);
+  }
+  AddToParameters();
+  for (const FreeStart::Rate& rate : forward_.motion.start().rates()) {
+    parameters_[Index(rate.parameter)] +=
+        pullback_.adjoint[Index(free_ + forward_.robot.FreeIndexOf(rate.dof))];
+  }
+  for (int lane = 0; lane < OutputLanes::kCount; ++lane) {
+    const int output = pullback_.lanes[Index(lane)].output;
+    if (output < 0) continue;
+    for (int k = 0; k < parameters; ++k)
+      gradient[Index(output * parameters + k)] = parameters_[Index(k)][lane];
+    if (forward_.motion.duration().is_free() && output > 0)
+      gradient[Index((output + 1) * parameters - 1)] +=
+          forward_.maxima.by_step_length(Index(output - 1));
+  }
+}
+
+/// Adds the derivatives of the cost in the instants before `end` at which this step begins.
+void Adjoint::AddInstants(int step, std::size_t& end) {
+  for (; end > 0 && forward_.table.step_at[end - 1] == step; --end) {
+    if (has_cost()) AddInstant(end - 1);
+  }
+}
+
+void Adjoint::AddInstant(std::size_t instant) {
+  const CostPoint here = forward_.InstantAt(instant);
+  const CostInstant& when = forward_.motion.instants()[instant];
+  if (!when.held) CollectPathsAt(forward_.PointOf(instant));
+  const FreeStart& start = forward_.motion.start();
+  forward_.outputs.ForEachTermAt(when, [&](std::size_t i, const CostTerm& term) {
+    const MotionOutputs::TermSlopes slopes = MotionOutputs::SlopesOf(term, here);
+    AddStateSlopes(slopes.by_q, slopes.by_qd, !when.held, pullback_.adjoint);
+    if (!term.draws()) return;
+    for (std::size_t r = 0; r < start.rates().size(); ++r) {
+      parameters_[Index(start.rates()[r].parameter)].Add(
+          0, slopes.by_target * start.TargetSlope(i, r));
+    }
+  });
+}
+
+/// The derivatives of the outputs in the torque of a joint at a stage.
+/// @param of_cost  the derivative of the cost, whose lane is the first; 0 where it is not pulled
+/// back.
+OutputLanes Adjoint::TorqueSlopes(std::size_t stage, int joint, double of_cost) const {
+  OutputLanes slopes = OutputLanes::Zero();
+  slopes.Add(0, of_cost);
+  for (int i = 0; i < OutputLanes::kCount; ++i) {
+    const Lane& lane = pullback_.lanes[Index(i)];
+    if (lane.output == OutputRows::torque(joint))
+      slopes.Add(i, forward_.maxima.by_torque(stage, joint) / lane.limit);
+  }
+  return slopes;
+}
+
+/// Computes y_bar of a stage from the adjoint of its step and y_bar of the stages after it.
+template <const Tableau& kScheme>
+void Adjoint::PullBackStage(int step, int s) {
+  constexpr int kStages = static_cast<int>(kScheme.own_stages());
+  const Timetable& table = forward_.table;
+  const MotionRecord& record = forward_.record;
+  const std::size_t stage = table.StageOf(step, s);
+  const double h = table.length[Index(step)];
+  StateBar k_bar;
+  const double b = h * kScheme.b[Index(s)];
+  for (int i = 0; i < 2 * free_; ++i) k_bar[Index(i)] = b * pullback_.adjoint[Index(i)];
+  const int last = kScheme.chained() ? std::min(s + 2, kStages) : kStages;
+  for (int r = s + 1; r < last; ++r) {
+    const double a = h * kScheme.a[Index(r)][Index(s)];
+    for (int i = 0; i < 2 * free_; ++i) k_bar[Index(i)] += a * pullback_.y_bar[Index(r)][Index(i)];
+  }
+  const double growth = table.GrowthOf(step, forward_.motion.duration());
+  if (growth != 0) AddStretch(stage, growth, b, k_bar);
+  StateBar& y_bar = pullback_.y_bar[Index(s)];
+  const double* const dynamics = record.dynamics(stage);
+  const auto row_times = [&](int row, const std::array<OutputLanes, kMaxDofs>& v) {
+    const double* entry = dynamics + Index(row * dofs_);
+    OutputLanes sum = entry[0] * v[0];
+    for (int i = 1; i < dofs_; ++i) sum += entry[i] * v[Index(i)];
+    return sum;
+  };
+  std::array<OutputLanes, kMaxDofs> r, w;  // the cotangents of g's outputs, and R^T r
+  for (int i = 0; i < free_; ++i) r[Index(i)] = k_bar[Index(free_ + i)];
+  // The integrals of the cost also depend on the stage directly.
+  std::array<double, kMaxJoints> by_torque{};
+  SceneDynamics::Numbers by_q, by_qd;
+  const bool by_state = record.integrates_state() && has_cost();
+  if (by_state) by_q.fill(0), by_qd.fill(0);
+  if (has_cost()) {
+    const CostPoint there = record.At(stage);
+    for (const Propagation::RunningTerm& term : forward_.running)
+      term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque});
+  }
+  for (int j = 0; j < joints_; ++j)
+    r[Index(free_ + j)] = TorqueSlopes(stage, j, by_torque[Index(j)]);
+  for (int i = 0; i < free_; ++i) w[Index(i)] = row_times(i, r);
+  for (int j = 0; j < joints_; ++j) w[Index(free_ + j)] = r[Index(free_ + j)];
+  for (int i = 0; i < free_; ++i) {
+    y_bar[Index(i)] = row_times(dofs_ + i, w);
+    y_bar[Index(free_ + i)] = k_bar[Index(i)] + row_times(2 * dofs_ + i, w);
+  }
+  const int deep = pullback_.penetration_lane;
+  const double by_penetration = deep >= 0 ? forward_.maxima.by_penetration(stage) : 0;
+  const double* const by_position =
+      by_penetration != 0 ? record.penetration_slopes(stage) : nullptr;
+  for (int i = 0; by_position != nullptr && i < free_; ++i)
+    y_bar[Index(i)].Add(deep, by_penetration * by_position[i]);
+  const bool moving = step < table.motion_steps;
+  // Stages at the same time have the same weights, so the cotangents of their paths are summed
+  // first.
+  if (moving) CollectPathsAt(table.PointOf(step, s));
+  for (int j = 0; moving && j < joints_; ++j) {
+    auto& path = pullback_.paths[Index(j)];
+    path[0] += row_times(dofs_ + free_ + j, w);
+    path[1] += row_times(2 * dofs_ + free_ + j, w);
+    path[2] += row_times(free_ + j, r);
+    if (by_position != nullptr) path[0].Add(deep, by_penetration * by_position[free_ + j]);
+  }
+  if (moving) AddCurveSlopes(stage);
+  if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
+}
+
+/// Adds what a stage's share in its step has as derivative by the duration, as the step grows.
+/// @param b      weight of the stage in the integrals.
+/// @param k_bar  cotangent of the state's slope.
+void Adjoint::AddStretch(std::size_t stage, double growth, double b, const StateBar& k_bar) {
+  const double* const slope = forward_.record.state_slope(stage);
+  OutputLanes sum = OutputLanes::Zero();
+  for (int i = 0; i < 2 * free_; ++i) sum += slope[i] * k_bar[Index(i)];
+  if (has_cost()) {
+    const CostPoint there = forward_.record.At(stage);
+    for (const Propagation::RunningTerm& term : forward_.running)
+      sum.Add(0, term.weight * term.Accumulate(0, b, there));
+  }
+  parameters_.back() += growth * sum;
+}
+
+/// Adds the derivatives of torque-speed curves in the joints' velocities at a stage.
+void Adjoint::AddCurveSlopes(std::size_t stage) {
+  const std::span<const int> curved = forward_.outputs.curved();
+  for (std::size_t c = 0; c < curved.size(); ++c) {
+    const int j = curved[c];
+    const double by_velocity = forward_.motion.joint(j).motor.curve_by_velocity();
+    for (int i = 0; i < OutputLanes::kCount; ++i) {
+      if (pullback_.lanes[Index(i)].output != OutputRows::torque(j)) continue;
+      pullback_.paths[Index(j)][1].Add(i, by_velocity * forward_.maxima.by_curve(stage, c));
+    }
+  }
+}
+
+/// From here on, cotangents of the paths are those at this point.
+void Adjoint::CollectPathsAt(int point) {
+  if (point == pullback_.point) return;
+  AddToParameters();
+  pullback_.point = point;
+}
+
+/// Adds derivatives of the cost in positions and velocities of a stage or an instant.
+void Adjoint::AddStateSlopes(const SceneDynamics::Numbers& by_q,
+                             const SceneDynamics::Numbers& by_qd, bool moving, StateBar& y_bar) {
+  for (int i = 0; i < free_; ++i) {
+    const std::size_t dof = Index(forward_.robot.free[Index(i)]);
+    y_bar[Index(i)].Add(0, by_q[dof]);
+    y_bar[Index(free_ + i)].Add(0, by_qd[dof]);
+  }
+  for (int j = 0; moving && j < joints_; ++j) {
+    const std::size_t dof = Index(forward_.motion.joint(j).dof);
+    pullback_.paths[Index(j)][0].Add(0, by_q[dof]);
+    pullback_.paths[Index(j)][1].Add(0, by_qd[dof]);
+  }
+}
+
+/// Adds the cotangents of the paths to those of the parameters, and clears them.
+void Adjoint::AddToParameters() {
+  for (int j = 0; j < joints_; ++j) {
+    auto& bar = pullback_.paths[Index(j)];
+    forward_.paths.AddToParameters(pullback_.point, j, bar, parameters_);
+    bar.fill(OutputLanes::Zero());
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "common/core/index.h"
+#include "offline/problem/cost_term.h"
+#include "offline/scene/scene_dynamics.h"
+#include "offline/solve/parametric_motion.h"
+#include "offline/solve/timetable.h"
+
+namespace tumbler {
+
+/// What the stages of a simulated motion leave behind, by stage: the torques of the joints and the
+/// depth of contacts, for the smooth maxima; and, where a gradient is to follow, everything that
+/// Adjoint needs to go back through them without a second simulation.
+class MotionRecord {
+ public:
+  /// @param motion  is kept by reference.
+  /// @param robot   likewise.
+  MotionRecord(const ParametricMotion& motion, SceneDynamics& robot);
+
+  /// Makes room for the stages of a timetable. That for derivatives is made by the first
+  /// PrepareDerivatives after it.
+  void Resize(const Timetable& table);
+  void PrepareDerivatives();
+
+  /// Stores the torques of the robot as it was just evaluated.
+  /// @returns the stage as the cost sees it.
+  CostPoint StoreTorques(std::size_t stage) {
+    double* const torques = &torque_[stage * joints_];
+    for (std::size_t j = 0; j < joints_; ++j) torques[j] = robot_.tau[Index(order_[free_ + j])];
+    return {robot_.q, robot_.qd, {torques, joints_}};
+  }
+  void StorePenetration(std::size_t stage, double penetration) {
+    penetration_[stage] = penetration;
+  }
+  /// Stores the derivatives of the penetration in the positions.
+  void StorePenetrationSlopes(std::size_t stage, const SceneDynamics::Numbers& by_q) {
+    double* const slopes = &penetration_slope_[stage * order_.size()];
+    for (std::size_t i = 0; i < order_.size(); ++i) slopes[i] = by_q[Index(order_[i])];
+  }
+  /// Stores the derivatives of the dynamics, and what the cost saw.
+  /// @param slope  that of the state, 2 numbers for each free degree of freedom.
+  void StoreDerivatives(std::size_t stage, const double* slope);
+
+  /// A stored stage as the cost saw it. Positions and velocities are there only where an integral
+  /// of the cost depends on them.
+  [[nodiscard]] CostPoint At(std::size_t stage) const {
+    const std::span<const double> torques(&torque_[stage * joints_], joints_);
+    if (!integrates_state_) return {{}, {}, torques};
+    const std::size_t n = robot_.n;
+    const double* const states = &states_[stage * 2 * n];
+    return {{states, n}, {states + n, n}, torques};
+  }
+
+  /// Torques by stage, then joint [N m].
+  [[nodiscard]] const std::vector<double>& torque() const { return torque_; }
+  /// MotionOutputs::Penetration, by stage.
+  [[nodiscard]] const std::vector<double>& penetration() const { return penetration_; }
+  /// Its derivatives in the positions, in `order`.
+  [[nodiscard]] const double* penetration_slopes(std::size_t stage) const {
+    return &penetration_slope_[stage * order_.size()];
+  }
+  /// dg of a stage in factored form (SceneDynamics::DifferentiateFactored), as rows of a matrix
+  /// with a column for each degree of freedom in `order`: R^T for the free degrees of freedom,
+  /// input^T for the actuated ones, then D_q^T and D_qd^T.
+  [[nodiscard]] const double* dynamics(std::size_t stage) const {
+    return &dynamics_[stage * stage_size_];
+  }
+  /// The slope of the state, where the duration is free.
+  [[nodiscard]] const double* state_slope(std::size_t stage) const {
+    return &dynamics_[(stage + 1) * stage_size_ - 2 * free_];
+  }
+  /// The free degrees of freedom, then those of the joints.
+  [[nodiscard]] const std::vector<int>& order() const { return order_; }
+  /// Whether an integral of the cost depends on positions or velocities.
+  [[nodiscard]] bool integrates_state() const { return integrates_state_; }
+
+ private:
+  SceneDynamics& robot_;
+  std::size_t free_, joints_;  // numbers of free degrees of freedom and of joints
+  std::vector<int> order_;
+  bool keeps_slope_;  // of the state
+  bool integrates_state_ = false;
+  std::size_t stage_size_;  // of `dynamics_`
+  std::vector<double> torque_, penetration_, penetration_slope_;
+  std::vector<double> dynamics_;
+  std::vector<double> states_;  // positions, then velocities, of a stage
+  HybridDynamics<Plane>::Derivatives derivatives_;
+};
+
+}  // namespace tumbler
