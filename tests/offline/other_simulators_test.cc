@@ -15,19 +15,20 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/index.h"
-#include "common/files/sequence_toml.h"
 #include "offline/model/hybrid_dynamics.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/programs/mjcf.h"
-#include "offline/programs/setpoints.h"
-#include "tests/support/docs_tables.h"
+#include "tests/offline/played_motion.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
+
+using testing::PlayedMotion;
 
 /// How the contacts of an engine are set.
 struct Contacts {
@@ -47,37 +48,6 @@ constexpr std::array kContacts = {Contacts{"as it comes", 0, 0.02, 1, false},
                                   Contacts{"5 ms, mu 0.6", 0.6, 0.005, 1, false},
                                   Contacts{"5 ms, mu 0.9", 0.9, 0.005, 1, false}};
 
-struct Row {
-  double time_s = 0;
-  std::string node;
-  std::vector<double> ctrl;
-};
-
-std::vector<Row> ParseCsv(const std::string& text, std::size_t joints) {
-  std::vector<Row> rows;
-  std::size_t at = text.find('\n') + 1;
-  while (at < text.size()) {
-    const std::size_t end = text.find('\n', at);
-    std::vector<std::string> cells(1);
-    bool quoted = false;
-    for (const char c : text.substr(at, end - at)) {
-      if (c == '"') {
-        quoted = !quoted;
-      } else if (c == ',' && !quoted) {
-        cells.emplace_back();
-      } else {
-        cells.back() += c;
-      }
-    }
-    EXPECT_EQ(cells.size(), 2 + 4 * joints);
-    Row row{std::stod(cells[0]), cells[1], {}};
-    for (std::size_t j = 0; j < joints; ++j) row.ctrl.push_back(std::stod(cells[5 + 4 * j]));
-    rows.push_back(row);
-    at = end + 1;
-  }
-  return rows;
-}
-
 /// The numbers of an object in one of MuJoCo's arrays, `size` for each.
 template <int size>
 mjtNum* NumbersOf(mjtNum* all, int object) {
@@ -89,7 +59,7 @@ struct ModelDeleter {
   void operator()(mjData* data) const { mj_deleteData(data); }
 };
 
-class InMujoco {
+class InMujoco : public testing::Engine {
  public:
   explicit InMujoco(const std::string& mjcf) {
     const testing::TemporaryFolder folder;
@@ -114,36 +84,32 @@ class InMujoco {
     }
   }
 
-  /// Makes the robot another one: each link's mass with its inertia by 5 %, friction, stiffness and
-  /// damping of the ground by 20 % (standard deviations). MuJoCo's time constant goes with the
-  /// inverse root of the stiffness.
-  void Vary(const Contacts& contacts, std::mt19937_64& random) {
+  /// Makes the robot another one. MuJoCo's time constant goes with the inverse root of the ground's
+  /// stiffness.
+  void Set(const Contacts& contacts, const testing::RobotFactors& factors) {
     Set(contacts);
-    std::normal_distribution<double> normal;
-    const auto factor = [&](double spread) { return std::max(1 + spread * normal(random), 0.05); };
-    const double mu = factor(0.2), stiffness = factor(0.2), damping = factor(0.2);
     for (int body = 1; body < model_->nbody; ++body) {
-      const double mass = factor(0.05);
+      const double mass = factors.masses.at(Index(body) - 1);
       model_->body_mass[body] *= mass;
       for (int i = 0; i < 3; ++i) NumbersOf<3>(model_->body_inertia, body)[i] *= mass;
     }
+    const double slower = 1 / std::sqrt(factors.stiffness);
     for (int i = 0; i < model_->ngeom; ++i) {
-      *NumbersOf<3>(model_->geom_friction, i) *= mu;
-      NumbersOf<2>(model_->geom_solref, i)[0] /= std::sqrt(stiffness);
-      NumbersOf<2>(model_->geom_solref, i)[1] *= damping / std::sqrt(stiffness);
+      *NumbersOf<3>(model_->geom_friction, i) *= factors.mu;
+      NumbersOf<2>(model_->geom_solref, i)[0] *= slower;
+      NumbersOf<2>(model_->geom_solref, i)[1] *= factors.damping * slower;
     }
     mj_setConst(model_.get(), data_.get());
   }
 
-  /// Where a joint is, or the root's coordinate.
-  [[nodiscard]] double Position(const char* joint) const {
-    const int id = mj_name2id(model_.get(), mjOBJ_JOINT, joint);
+  [[nodiscard]] double Position(const std::string& joint) const override {
+    const int id = mj_name2id(model_.get(), mjOBJ_JOINT, joint.c_str());
     EXPECT_GE(id, 0) << joint;
     return data_->qpos[model_->jnt_qposadr[id]];
   }
 
-  void Begin() { mj_resetDataKeyframe(model_.get(), data_.get(), 0); }
-  void PlayTo(double time_s, const std::vector<double>& ctrl) {
+  void Begin() override { mj_resetDataKeyframe(model_.get(), data_.get(), 0); }
+  void PlayTo(double time_s, const std::vector<double>& ctrl) override {
     std::copy(ctrl.begin(), ctrl.end(), data_->ctrl);
     while (data_->time < time_s - 0.5 * model_->opt.timestep) mj_step(model_.get(), data_.get());
   }
@@ -154,106 +120,49 @@ class InMujoco {
   std::unique_ptr<mjData, ModelDeleter> data_;
 };
 
-/// Plays a motion, and looks at the root at the end of the hold after each node.
-/// @returns  empty when the robot is where each motion's plan ends; or where it is not.
-std::string Play(InMujoco& engine, const SequenceFile& file, const std::vector<Row>& rows) {
-  constexpr double kPitch_rad = 0.15, kHeight_m = 0.03;
-  engine.Begin();
-  int cycle = 1;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const bool last = i + 1 == rows.size();
-    engine.PlayTo(last ? rows[i].time_s + 1e-3 : rows[i + 1].time_s, rows[i].ctrl);
-    if (!last && rows[i + 1].node == rows[i].node) continue;
-    const int node = file.graph.FindNode(rows[i].node);
-    const PrimitivePose& exit = file.PrimitiveOf(node).exit;
-    const double pitch =
-        NearestTurn(engine.Position("pitch") - file.RobotPitch(node, exit.root_pitch_rad));
-    const double height = engine.Position("z") - exit.root_z_m;
-    if (!(std::abs(pitch) < kPitch_rad && std::abs(height) < kHeight_m)) {
-      return fmt::format("{}{}", rows[i].node,
-                         file.graph.node_count > 1 ? fmt::format(" of cycle {}", cycle) : "");
-    }
-    if (file.graph.node(node).ends_cycle) ++cycle;
-  }
-  return "";
+constexpr const char* kSource = "tests/offline/other_simulators_test.cc";
+
+std::vector<std::string> NamesOf(std::span<const Contacts> all) {
+  std::vector<std::string> names;
+  for (const Contacts& contacts : all) names.emplace_back(contacts.name);
+  return names;
 }
 
-struct Shipped {
-  const char* file;
-  int cycles;
-};
-// Those that are for robots that differ from the model.
-constexpr std::array kMotions = {
-    Shipped{"handstand.toml", 1},      Shipped{"handstand_wide.toml", 1},
-    Shipped{"downstand.toml", 1},      Shipped{"downstand_back.toml", 1},
-    Shipped{"roll.toml", 1},           Shipped{"rise.toml", 1},
-    Shipped{"rise_from_leg1.toml", 1}, Shipped{"rise_from_leg2.toml", 1},
-    Shipped{"stand.toml", 1}};
-constexpr std::array kGaits = {Shipped{"gait.toml", 10}, Shipped{"gait_wide.toml", 10},
-                               Shipped{"cartwheel.toml", 10}};
-
-/// Plays each with all contacts, and compares the table of what comes of it with the document's.
-void ExpectDocumented(std::span<const Shipped> all, const std::string& name) {
-  std::vector<std::string> heads = {"motion"};
-  for (const Contacts& contacts : kContacts) heads.emplace_back(contacts.name);
-  std::string table = testing::MarkdownHead(heads);
-  for (const Shipped& shipped : all) {
-    const SimulatedMotion motion(
-        LoadMotion(testing::SourcePath(std::string("primitives/") + shipped.file)));
-    const DriveGains gains = motion.ProblemAt(motion.file().graph.start).drive_gains();
-    SetpointOptions options;
-    options.cycles = shipped.cycles;
-    const std::vector<Row> rows =
-        ParseCsv(SetpointsCsv(motion.file(), gains, options),
-                 Index(motion.file().primitives.front().primitive.joint_count));
-    InMujoco engine(ToMjcf(motion, gains));
-    std::vector<std::string> cells = {fmt::format("`{}`", shipped.file)};
-    for (const Contacts& contacts : kContacts) {
-      engine.Set(contacts);
-      const std::string amiss = Play(engine, motion.file(), rows);
-      cells.push_back(amiss.empty() ? "yes" : "no: " + amiss);
-    }
-    table += testing::MarkdownRow(cells);
+/// What comes of a motion with all contacts.
+std::vector<std::string> WithAllContacts(const PlayedMotion& played) {
+  InMujoco engine(ToMjcf(played.motion(), played.gains()));
+  std::vector<std::string> cells;
+  for (const Contacts& contacts : kContacts) {
+    engine.Set(contacts);
+    const std::string amiss = played.Play(engine);
+    cells.push_back(amiss.empty() ? "yes" : "no: " + amiss);
   }
-  testing::ExpectTables(
-      "docs/other-simulators.md",
-      std::vector<testing::DocsTable>{{"tests/offline/other_simulators_test.cc", name, table}});
+  return cells;
 }
 
 /// How many of a hundred robots that are not the model stand with these contacts.
-int Standing(const SimulatedMotion& motion, const Contacts& contacts) {
-  constexpr int kRobots = 100;
-  const DriveGains gains = motion.ProblemAt(0).drive_gains();
-  const std::vector<Row> rows =
-      ParseCsv(SetpointsCsv(motion.file(), gains, {}),
-               Index(motion.file().primitives.front().primitive.joint_count));
-  InMujoco engine(ToMjcf(motion, gains));
-  std::mt19937_64 random(100);
+int Standing(const PlayedMotion& played, const Contacts& contacts) {
+  InMujoco engine(ToMjcf(played.motion(), played.gains()));
   int stand = 0;
-  for (int robot = 0; robot < kRobots; ++robot) {
-    engine.Vary(contacts, random);
-    if (Play(engine, motion.file(), rows).empty()) ++stand;
+  for (const testing::RobotFactors& factors : testing::AHundredRobots(engine.model().nbody - 1)) {
+    engine.Set(contacts, factors);
+    if (played.Play(engine).empty()) ++stand;
   }
   return stand;
 }
 
 TEST(OtherSimulators, CarryAHundredRobotsAsTheDocumentSays) {
-  const std::array contacts_of = {kContacts[0], kContacts[1], kContacts[5], kContacts[6],
-                                  kContacts[7]};
-  std::vector<std::string> heads = {"motion"};
-  for (const Contacts& contacts : contacts_of) heads.emplace_back(contacts.name);
-  std::string table = testing::MarkdownHead(heads);
-  for (const char* file : {"handstand.toml", "handstand_wide.toml"}) {
-    const SimulatedMotion motion(
-        LoadMotion(testing::SourcePath(std::string("primitives/") + file)));
-    std::vector<std::string> cells = {fmt::format("`{}`", file)};
-    for (const Contacts& contacts : contacts_of)
-      cells.push_back(fmt::format("{}", Standing(motion, contacts)));
-    table += testing::MarkdownRow(cells);
-  }
-  testing::ExpectTables("docs/other-simulators.md",
-                        std::vector<testing::DocsTable>{
-                            {"tests/offline/other_simulators_test.cc", "robots in MuJoCo", table}});
+  static constexpr std::array kOfRobots = {kContacts[0], kContacts[1], kContacts[5], kContacts[6],
+                                           kContacts[7]};
+  constexpr std::array kHandstands = {testing::Shipped{"handstand.toml", 1},
+                                      testing::Shipped{"handstand_wide.toml", 1}};
+  testing::ExpectDocumented(kHandstands, kSource, "robots in MuJoCo", NamesOf(kOfRobots),
+                            [](const PlayedMotion& played) {
+                              std::vector<std::string> cells;
+                              for (const Contacts& contacts : kOfRobots)
+                                cells.push_back(fmt::format("{}", Standing(played, contacts)));
+                              return cells;
+                            });
 }
 
 TEST(OtherSimulators, AccelerateTheRobotInTheAirAsOurDynamicsDo) {
@@ -297,11 +206,36 @@ TEST(OtherSimulators, BeginWithTheFeetOnTheGround) {
 }
 
 TEST(OtherSimulators, PlayShippedMotionsAsTheDocumentSays) {
-  ExpectDocumented(kMotions, "motions in MuJoCo");
+  testing::ExpectDocumented(testing::ShippedMotions(), kSource, "motions in MuJoCo",
+                            NamesOf(kContacts), WithAllContacts);
+}
+
+TEST(OtherSimulators, PlayTenCyclesOfTheWideGaitWithAnyFrictionAsTheDocumentSays) {
+  constexpr std::array kWide = {testing::Shipped{"handstand_wide.toml", 1},
+                                testing::Shipped{"gait_wide.toml", 10}};
+  static constexpr std::array kFrictions = {0.15, 0.3, 0.45, 0.6, 0.75, 0.9};
+  std::vector<std::string> heads;
+  for (const double mu : kFrictions) heads.push_back(fmt::format("mu {}", mu));
+  testing::ExpectDocumented(
+      kWide, kSource, "friction in MuJoCo", heads, [](const PlayedMotion& played) {
+        InMujoco engine(ToMjcf(played.motion(), played.gains()));
+        std::vector<std::string> cells;
+        for (const double mu : kFrictions) {
+          std::vector<std::pair<std::string, std::string>> amiss;
+          for (Contacts contacts : {kContacts[0], kContacts[1], kContacts[2]}) {
+            contacts.mu = mu;
+            engine.Set(contacts);
+            amiss.emplace_back(contacts.name, played.Play(engine));
+          }
+          cells.push_back(testing::CellOf(amiss));
+        }
+        return cells;
+      });
 }
 
 TEST(OtherSimulators, PlayTenCyclesOfTheGaitsAsTheDocumentSays) {
-  ExpectDocumented(kGaits, "gaits in MuJoCo");
+  testing::ExpectDocumented(testing::ShippedGaits(), kSource, "gaits in MuJoCo", NamesOf(kContacts),
+                            WithAllContacts);
 }
 
 }  // namespace

@@ -273,7 +273,8 @@ TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     const double excess = result.peak_penetration_m / (0.9 * problem.scene.contact.d_on_m) - 1;
     EXPECT_GT(excess, -1);
     EXPECT_GE(result.penetration_excess, excess);
-    EXPECT_LE(result.penetration_excess, excess + std::log(4 * 10 * 1400.0) / problem.solver.sharpness);
+    EXPECT_LE(result.penetration_excess,
+              excess + std::log(4 * 10 * 1400.0) / problem.solver.sharpness);
   }
 }
 
