@@ -29,20 +29,23 @@ install(DIRECTORY firmware_interface/devices/dbc DESTINATION ${CMAKE_INSTALL_DAT
 install(DIRECTORY runtime/record/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs
         FILES_MATCHING PATTERN "*.lcm")
 
-# Each program prints its manual page and its completion for bash. Instrumented programs are not installed.
+# Each program prints its manual page; the completion for bash is that of `tumbler`, which asks the others when it is
+# used. Instrumented programs are not installed.
 get_property(tumbler_programs GLOBAL PROPERTY TUMBLER_PROGRAMS)
 find_program(TUMBLER_GZIP gzip)
 set(share ${CMAKE_BINARY_DIR}/share)
 if(TUMBLER_GZIP AND NOT TUMBLER_SANITIZE AND NOT TUMBLER_BUILD_FUZZERS)
   file(MAKE_DIRECTORY ${share}/man1 ${share}/completions)
   set(pages)
-  foreach(program ${tumbler_programs})
-    add_custom_command(OUTPUT ${share}/man1/${program}.1.gz ${share}/completions/${program}
+  foreach(program tumbler ${tumbler_programs})
+    add_custom_command(OUTPUT ${share}/man1/${program}.1.gz
       COMMAND $<TARGET_FILE:${program}> --man-page | ${TUMBLER_GZIP} -9 -n > ${share}/man1/${program}.1.gz
-      COMMAND $<TARGET_FILE:${program}> --bash-completion > ${share}/completions/${program}
       DEPENDS ${program})
-    list(APPEND pages ${share}/man1/${program}.1.gz ${share}/completions/${program})
+    list(APPEND pages ${share}/man1/${program}.1.gz)
   endforeach()
+  add_custom_command(OUTPUT ${share}/completions/tumbler
+    COMMAND $<TARGET_FILE:tumbler> --bash-completion > ${share}/completions/tumbler DEPENDS tumbler)
+  list(APPEND pages ${share}/completions/tumbler)
   add_custom_target(tumbler_pages ALL DEPENDS ${pages})
   install(DIRECTORY ${share}/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT programs)
   install(DIRECTORY ${share}/completions DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion COMPONENT programs)

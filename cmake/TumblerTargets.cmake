@@ -99,15 +99,20 @@ function(tumbler_join_library name)
   endif()
 endfunction()
 
-# tumbler_executable(tumbler-run SOURCES ... LINK ...) declares a program in bin/.
+# tumbler_executable(tumbler run SOURCES ... LINK ...) declares the program of a command: libexec/tumbler/run, which
+# bin/tumbler starts.
 function(tumbler_executable name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
+  string(REPLACE "tumbler-" "" command ${name})
+  set_target_properties(${name} PROPERTIES
+    OUTPUT_NAME ${command} RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/libexec/tumbler)
+  add_dependencies(${name} tumbler)
   target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_warnings tumbler_brief_work)
   if(TUMBLER_PRECOMPILE_HEADERS)
     target_precompile_headers(${name} REUSE_FROM tumbler_program_headers)
   endif()
-  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/tumbler COMPONENT programs)
   set_property(GLOBAL APPEND PROPERTY TUMBLER_PROGRAMS ${name})
   if(TUMBLER_JOIN_PROGRAMS)
     tumbler_join_library(${name} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK})

@@ -131,7 +131,7 @@ class BSpline {
   }
 
   /// The spline that `Assign` makes of these parts, bit for bit, as a constant of the program. The
-  /// headers of `tumbler-export` use it. Parts that `Assign` refuses do not compile.
+  /// headers of `tumbler export` use it. Parts that `Assign` refuses do not compile.
   static consteval BSpline Constant(int degree, std::span<const Scalar> knots,
                                     std::span<const Scalar> control_points) noexcept {
     BSpline spline;

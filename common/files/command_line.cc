@@ -252,7 +252,8 @@ void CommandLine::Parse(int argc, char** argv) {
   } catch (const CLI::CallForHelp&) {
     const std::vector<CLI::App*> subs = app_->get_subcommands();
     throw HelpWanted(
-        HelpText(subs.empty() ? Describe() : DescribeApp(*subs.front(), app_->get_name() + " ")));
+        HelpText(subs.empty() ? Describe() : DescribeApp(*subs.front(), app_->get_name() + " "),
+                 WidthOfHelp()));
   } catch (const CLI::CallForVersion& version) {
     throw HelpWanted(version.what() + std::string("\n"));
   } catch (const CLI::ParseError& error) {

@@ -8,7 +8,6 @@
 namespace tumbler {
 namespace {
 
-constexpr std::size_t kHelpWidth = 100;
 constexpr std::size_t kHelpColumn = 28;  // where the explanation of an option begins
 
 /// The name of a command in its usage: with what it takes.
@@ -99,12 +98,12 @@ std::vector<Block> BlocksOf(const std::string& text) {
 }
 
 /// A text whose lines are as wide as the help is, wherever those of the source end.
-std::string Paragraphs(const std::string& text) {
+std::string Paragraphs(const std::string& text, std::size_t width) {
   std::string out;
   for (const Block& block : BlocksOf(text)) {
     if (block.after_gap) out += '\n';
     std::string before = block.name;
-    for (const std::string& line : Wrapped(block.words, kHelpWidth - block.name.size())) {
+    for (const std::string& line : Wrapped(block.words, width - block.name.size())) {
       out += before + line + '\n';
       before.assign(block.name.size(), ' ');
     }
@@ -113,11 +112,11 @@ std::string Paragraphs(const std::string& text) {
 }
 
 /// An entry of a list in the help: a name, and its explanation in a column of its own.
-std::string Entry(const std::string& name, const std::string& help) {
+std::string Entry(const std::string& name, const std::string& help, std::size_t width) {
   std::string text = "  " + name;
   std::string indent = text.size() + 2 > kHelpColumn ? '\n' + std::string(kHelpColumn, ' ')
                                                      : std::string(kHelpColumn - text.size(), ' ');
-  for (const std::string& line : Wrapped(help, kHelpWidth - kHelpColumn)) {
+  for (const std::string& line : Wrapped(help, width - kHelpColumn)) {
     text += indent + line;
     indent = '\n' + std::string(kHelpColumn, ' ');
   }
@@ -130,11 +129,11 @@ std::string NameInHelp(const OptionDescription& option) {
   return option.several ? name + " ..." : name;
 }
 
-std::string Options(const CommandDescription& command, bool positional) {
+std::string Options(const CommandDescription& command, bool positional, std::size_t width) {
   std::string text;
   for (const OptionDescription& option : command.options) {
     if (option.positional == positional)
-      text += Entry(NameInHelp(option), option.help + Allowed(option));
+      text += Entry(NameInHelp(option), option.help + Allowed(option), width);
   }
   return text;
 }
@@ -228,31 +227,35 @@ std::string FirstSentence(const std::string& text) {
   return sentence;
 }
 
-std::string HelpText(const CommandDescription& command) {
+std::string HelpText(const CommandDescription& command, std::size_t width) {
   std::string text =
-      fmt::format("{}\nUsage: {}\n", Paragraphs(command.description), Usage(command));
-  if (const std::string list = Options(command, true); !list.empty()) text += "\n" + list;
-  if (const std::string list = Options(command, false); !list.empty())
+      fmt::format("{}\nUsage: {}\n", Paragraphs(command.description, width), Usage(command));
+  if (const std::string list = Options(command, true, width); !list.empty()) text += "\n" + list;
+  if (const std::string list = Options(command, false, width); !list.empty())
     text += "\nOptions:\n" + list;
   if (!command.subcommands.empty()) {
     text += "\nCommands:\n";
     for (const CommandDescription& sub : command.subcommands)
-      text += Entry(sub.name.substr(sub.name.rfind(' ') + 1), FirstSentence(sub.description));
+      text +=
+          Entry(sub.name.substr(sub.name.rfind(' ') + 1), FirstSentence(sub.description), width);
     text += fmt::format("\n`{} COMMAND --help` tells more of each.\n", command.name);
   }
-  if (!command.footer.empty()) text += '\n' + Paragraphs(command.footer);
+  if (!command.footer.empty()) text += '\n' + Paragraphs(command.footer, width);
   return text;
 }
 
 std::string ManPage(const CommandDescription& command, const std::string& version) {
-  std::string title = command.name;
+  // A page has one word for its name: `man tumbler run` shows that of `tumbler run`.
+  std::string page = command.name;
+  std::ranges::replace(page, ' ', '-');
+  std::string title = page;
   std::ranges::transform(title, title.begin(), [](char c) {
     return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
   });
   std::string text = fmt::format(
       ".TH {} 1 \"\" \"Tumbler {}\" \"User Commands\"\n.SH NAME\n{} \\- {}\n.SH SYNOPSIS\n.B {}\n"
       ".SH DESCRIPTION\n{}",
-      Troff(title), Troff(version), Troff(command.name), Troff(FirstSentence(command.description)),
+      Troff(title), Troff(version), Troff(page), Troff(FirstSentence(command.description)),
       Troff(Usage(command)), TroffParagraphs(command.description));
   text += ".SH OPTIONS\n" + TroffOptions(command);
   if (!command.subcommands.empty()) text += ".SH COMMANDS\n";
@@ -266,7 +269,9 @@ std::string ManPage(const CommandDescription& command, const std::string& versio
 
 std::string BashCompletion(const CommandDescription& command) {
   std::string function = "_" + command.name;
-  std::ranges::replace(function, '-', '_');
+  for (const char separator : {'-', ' '}) std::ranges::replace(function, separator, '_');
+  // The words of the name are the first ones of the line.
+  const auto words = 1 + std::ranges::count(command.name, ' ');
   std::string text = fmt::format(
       "# Completion of {0} for bash, made from the program's own options.\n{1}() {{\n"
       "  local cur=${{COMP_WORDS[COMP_CWORD]}} prev=${{COMP_WORDS[COMP_CWORD-1]}} word sub=\n"
@@ -281,9 +286,9 @@ std::string BashCompletion(const CommandDescription& command) {
   std::ranges::replace(known, ' ', '|');
   if (!names.empty()) {
     text += fmt::format(
-        "  for word in \"${{COMP_WORDS[@]:1:COMP_CWORD-1}}\"; do\n"
-        "    case $word in {}) sub=$word; break ;; esac\n  done\n",
-        known);
+        "  for word in \"${{COMP_WORDS[@]:{0}:COMP_CWORD-{0}}}\"; do\n"
+        "    case $word in {1}) sub=$word; break ;; esac\n  done\n",
+        words, known);
   }
   text += "  case $prev in\n";
   std::vector<const CommandDescription*> all = {&command};
@@ -309,7 +314,9 @@ std::string BashCompletion(const CommandDescription& command) {
     text += fmt::format(
         "  elif [[ -z $sub ]]; then\n    COMPREPLY=($(compgen -W '{}' -- \"$cur\"))\n", names);
   }
-  text += fmt::format("  fi\n}}\ncomplete -o default -F {} {}\n", function, command.name);
+  text += "  fi\n}\n";
+  // A name of several words is completed by the completion of its first, which calls this function.
+  if (words == 1) text += fmt::format("complete -o default -F {} {}\n", function, command.name);
   return text;
 }
 

@@ -275,7 +275,7 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
 
   const std::string source = std::filesystem::path(file.path).filename().string();
   std::string out = fmt::format(
-      "// Written by tumbler-export; do not edit.\n"
+      "// Written by tumbler export; do not edit.\n"
       "//   source {}, {}\n",
       StringLiteral(source), HashOfText(source_text));
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {

@@ -193,7 +193,7 @@ inline constexpr auto kFoldKeys = AllRequired(std::array{
 inline constexpr auto kAbortFigureKeys = AllRequired(std::array{
     KeyOf<&AbortFigure::robots>("robots", {1, 1e6},
                                 "the model and others, for which the table of aborts was found "
-                                "(`tumbler-abort`); the table is left out where it was not"),
+                                "(`tumbler abort`); the table is left out where it was not"),
     KeyOf<&AbortFigure::seed>("seed", Range::NonNegative(), "of the others"),
     KeyOf<&AbortFigure::scale>("scale", {0, 10}, "of the spreads"),
     KeyOf<&AbortFigure::spreads>("spreads", "in which they differ"),
@@ -363,7 +363,7 @@ inline constexpr auto kComplementFileKeys = AllRequired(std::array{
 inline constexpr auto kEditedKeys = AllRequired(std::array{
     KeyOf<&Provenance::edited>(
         "edited",
-        "why the file was changed by hand after it was made (`tumbler-sign`), else left out"),
+        "why the file was changed by hand after it was made (`tumbler sign`), else left out"),
 });
 inline constexpr auto kSourceTextKeys = AllRequired(std::array{
     LongTextOf<&Provenance::robot_urdf>(

@@ -398,7 +398,7 @@ PurposeFigure ReadPurpose(TomlTable& table) {
 constexpr const char* kRemedy =
     "the file was changed after it was written, and what was verified may not hold any more; make "
     "it "
-    "again with tumbler-optimize, or sign the change with tumbler-sign";
+    "again with tumbler optimize, or sign the change with tumbler sign";
 
 void CheckHash(const TomlTable& table, std::string_view key, const std::string& stored,
                const std::string& actual, std::string_view of) {
@@ -544,7 +544,7 @@ void CheckVersion(TomlTable& root) {
   if (version < kPrimitiveFileVersion) {
     root.Fail("version",
               fmt::format("is {}; this program reads version {}, whose hash is of the whole file: "
-                          "make the file again with tumbler-optimize",
+                          "make the file again with tumbler optimize",
                           version, kPrimitiveFileVersion));
   }
 }

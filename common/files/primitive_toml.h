@@ -81,7 +81,7 @@ struct Certificate {
 };
 
 /// How many robots that differ from the model were as asked after every motion of a study
-/// (`tumbler-robustness --certify`). It was about the motion as it is in this file.
+/// (`tumbler robustness --certify`). It was about the motion as it is in this file.
 struct RobustnessFigure {
   enum class Where { kTwin, kLanes };
   static constexpr std::array<std::string_view, 2> kWhereNames = {"twin", "lanes"};
@@ -105,7 +105,7 @@ struct RobustnessFigure {
 
 /// In which values of the ground's properties the motion is as asked of the model: of each one the
 /// values around the task's that go without a gap, everything else as in the task
-/// (`tumbler-robustness --window --certify`). It was about the motion as it is in this file.
+/// (`tumbler robustness --window --certify`). It was about the motion as it is in this file.
 struct GroundWindow {
   /// The least and the largest value of a window, and those that were looked at. An end that is one
   /// of these may not be the window's own: it reaches at least so far.
@@ -120,7 +120,7 @@ struct GroundWindow {
   std::string drives_hash;  ///< HashOfText of that file; empty when `drives_file` is.
 };
 
-/// How the table of aborts was found (`tumbler-abort`), and how hard the impacts were of the robots
+/// How the table of aborts was found (`tumbler abort`), and how hard the impacts were of the robots
 /// that it was found for.
 struct AbortFigure {
   int robots = 1;                ///< The model and others.

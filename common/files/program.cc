@@ -2,8 +2,11 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -12,6 +15,7 @@
 #include <exception>
 #include <system_error>
 
+#include "common/files/command_text.h"
 #include "common/files/printable.h"
 
 namespace tumbler {
@@ -59,8 +63,17 @@ ExitStatus RunOrExplain(const std::string& speaker, int argc, char** argv,
 
 }  // namespace
 
+std::size_t WidthOfHelp() {
+  constexpr std::size_t kNarrowest = 60;
+  winsize size{};
+  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kHelpWidth;
+  return std::clamp<std::size_t>(size.ws_col, kNarrowest, kHelpWidth);
+}
+
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv)) {
+  // For lists of processes: the file is only called `run`. The kernel keeps 15 characters.
+  prctl(PR_SET_NAME, speaker.c_str());
   // A file that grows beyond a limit is an error like a full disk, and no reason to leave a part of
   // it behind.
   std::signal(SIGXFSZ, SIG_IGN);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 
@@ -31,10 +32,15 @@ class HelpWanted : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// How wide help may be: as wide as the terminal that standard output is, so that it does not break
+/// lines once more; at most kHelpWidth, and that where it is no terminal [characters].
+std::size_t WidthOfHelp();
+
 /// The body of every `main`: runs a program, and turns what it throws into a message and an exit
 /// status. Refused becomes kRefused; UsageError and any other exception become kUnusable, and so
 /// does an output that could not be written whole to standard output, e.g. since a disk is full.
-/// @param speaker  the beginning of messages on standard error, e.g. the program's name.
+/// @param speaker  the beginning of messages on standard error, and the name in lists of processes:
+///                 that of the command, such as `tumbler run`.
 /// @param run      the program, called with the arguments of `main`.
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv));

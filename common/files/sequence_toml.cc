@@ -483,7 +483,7 @@ void CheckRests(const SequenceFile& file) {
             file.path, 0, "primitive",
             fmt::format(
                 "'{}' {} with joint '{}' at {} rad/s; allowed here: at rest, {} rad/s or "
-                "less. It is for tumbler-optimize (--start-from, --guess) and tumbler-chain",
+                "less. It is for tumbler optimize (--start-from, --guess) and tumbler chain",
                 file.primitive_names[i], at_end ? "ends" : "starts", motion.name.view(),
                 MessageNumber(rate), MessageNumber(file.tolerances.joint_velocity_rad_s)));
       }
@@ -492,7 +492,7 @@ void CheckRests(const SequenceFile& file) {
       throw FileError(
           file.path, 0, "primitive",
           fmt::format("'{}' {} with its root in motion; allowed here: at rest. It is for "
-                      "tumbler-optimize (--start-from, --guess) and tumbler-chain",
+                      "tumbler optimize (--start-from, --guess) and tumbler chain",
                       file.primitive_names[i], primitive.entry.root_moves() ? "starts" : "ends"));
     }
   }

@@ -23,7 +23,7 @@ struct JoinTolerances {
   double joint_velocity_rad_s = 1e-6;
   double joint_acceleration_rad_s2 = 1e-6;
   // Between the simulated exit of one primitive and the entry pose that the next was made for. How
-  // much a motion forgives has to be tried (`tumbler-chain simulate`).
+  // much a motion forgives has to be tried (`tumbler chain simulate`).
   double root_z_m = 0.002;
   double root_pitch_rad = 0.02;
   // Likewise, where the root moves at one of both.

@@ -41,7 +41,7 @@ std::string OwnName(const std::string& interface) {
 
 int MakeSocket() { return socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0); }
 
-/// The process that holds the lock, such as `process 1234 (tumbler-run)`.
+/// The process that holds the lock, such as `process 1234 (tumbler run)`.
 std::string DescribeHolder(const LockName& name) {
   const int asker = MakeSocket();
   ucred holder{};

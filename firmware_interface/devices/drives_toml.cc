@@ -30,7 +30,7 @@ void ReadUnfinished(TomlTable& table, std::string_view key, DrivesConfig& config
 
 constexpr std::array kRootKeys = {
     KeyReadBy<DrivesConfig>("unfinished", ReadUnfinished,
-                            "what commissioning has left to do; only `tumbler-bench` reads such a "
+                            "what commissioning has left to do; only `tumbler bench` reads such a "
                             "file")
         .Schema(R"({"type": "string", "minLength": 1})")
         .Default("none")
@@ -178,7 +178,7 @@ DrivesConfig Read(TomlTable root, DrivesUse use, const FileReader& read) {
   if (use == DrivesUse::kRun && !config.unfinished.empty()) {
     root.Fail("unfinished",
               fmt::format("says '{}', so the file does not describe the robot yet; finish it with "
-                          "tumbler-bench BUS commission, or remove this key when it is done",
+                          "tumbler bench BUS commission, or remove this key when it is done",
                           config.unfinished));
   }
   TomlTable bus = root.Table("bus");

@@ -1,4 +1,4 @@
-// tumbler-drives: simulated drives, each with a rotor, that answer on a SocketCAN interface.
+// tumbler drives: simulated drives, each with a rotor, that answer on a SocketCAN interface.
 
 #include <fmt/format.h>
 
@@ -144,7 +144,7 @@ ExitStatus Serve(const Options& options) {
 
 ExitStatus Main(int argc, char** argv) {
   Options options;
-  CommandLine line("Simulated motor drives on a SocketCAN interface.", "tumbler-drives");
+  CommandLine line("Simulated motor drives on a SocketCAN interface.", "tumbler drives");
   line.SetFooter(kFooter);
   line.Option("BUS", options.interface, "SocketCAN interface, e.g. vcan0").Required();
   line.Option("DRIVES", options.drives, "drive configuration (TOML)").Required();
@@ -173,5 +173,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-drives", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler drives", argc, argv, tumbler::Main);
 }

@@ -388,7 +388,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
 
   if (problem.robust || problem.drives) file.drives = problem.drive_gains();
   Provenance& provenance = file.provenance;
-  provenance.tool = fmt::format("tumbler-optimize {}", TUMBLER_VERSION);
+  provenance.tool = fmt::format("tumbler optimize {}", TUMBLER_VERSION);
   provenance.seed = problem.search.seed;
   provenance.objective = solution.rollout.cost;
   provenance.evaluations = outcome.evaluations;

@@ -10,7 +10,7 @@ namespace {
 std::string WithCount(const std::vector<RobotFinding>& findings) {
   const std::string& first = findings.front().problem;
   if (findings.size() == 1) return first;
-  return fmt::format("{} (and {} more: `tumbler-model check` lists all)", first,
+  return fmt::format("{} (and {} more: `tumbler model check` lists all)", first,
                      findings.size() - 1);
 }
 

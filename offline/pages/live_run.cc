@@ -155,7 +155,7 @@ struct LiveRun::Implementation {
         answer = one.answer;
     }
     if (!answer.empty() || !asked->Over(SteadyClock::now())) return answer;
-    return "no answer: use tumbler-ctl, or cut the power";
+    return "no answer: use tumbler ctl, or cut the power";
   }
 
   void Listen() {

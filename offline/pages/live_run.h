@@ -16,7 +16,7 @@ enum class EndRequest : std::uint8_t {
 };
 
 /// A thread that listens to a run by LCM, and publishes what the page shows 25 times a second, also
-/// while nothing is heard. It sends nothing but an EndRequest when it is asked to, as tumbler-ctl
+/// while nothing is heard. It sends nothing but an EndRequest when it is asked to, as tumbler ctl
 /// does: to every run of the robot that is heard, again and again for 2 s until the run answers.
 ///
 /// It follows one run until that was silent for a second, and then the next one.

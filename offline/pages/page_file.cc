@@ -106,8 +106,19 @@ std::string FillPage(const std::string& page, std::string_view title, const Json
   return filled;
 }
 
-std::string WritePage(const std::string& page, const std::string& directory) {
-  const std::filesystem::path path = std::filesystem::path(directory) / "index.html";
+std::string PagePath(const std::string& out) {
+  if (std::filesystem::path(out).extension() == ".html") return out;
+  return (std::filesystem::path(out) / "index.html").string();
+}
+
+std::string PageFolder(const std::string& out) {
+  const std::filesystem::path path = PagePath(out);
+  return path.has_parent_path() ? path.parent_path().string() : ".";
+}
+
+std::string WritePage(const std::string& page, const std::string& out) {
+  const std::filesystem::path path = PagePath(out);
+  const std::string directory = PageFolder(out);
   std::error_code error;
   const bool made = std::filesystem::create_directories(directory, error);
   const auto fail = [&](const std::string& reason) {

@@ -12,10 +12,17 @@ namespace tumbler {
 /// Numbers that are not finite become null.
 std::string FillPage(const std::string& page, std::string_view title, const Json& data);
 
-/// Writes `DIR/index.html`, and creates DIR where it is missing. An existing page is replaced only
-/// once the new one is complete. @returns the page's path.
+/// Where a page goes: to `out` where that ends in `.html`, else to `index.html` in the folder
+/// `out`.
+std::string PagePath(const std::string& out);
+
+/// The folder of PagePath(out).
+std::string PageFolder(const std::string& out);
+
+/// Writes a page to PagePath(out), and creates its folder where it is missing. An existing page is
+/// replaced only once the new one is complete. @returns the page's path.
 /// @throws std::runtime_error with the path when it cannot be written.
-std::string WritePage(const std::string& page, const std::string& directory);
+std::string WritePage(const std::string& page, const std::string& out);
 
 /// The robot and its surroundings as the page's scripts draw them: `links` (name, shapes), `joints`
 /// (name, link, limits), `obstacles` (name, corners, r), and `ground_z` where ground is level.

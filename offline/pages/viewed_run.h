@@ -36,7 +36,7 @@ class ViewedRun {
   [[nodiscard]] const std::optional<state_t>& state() const { return view_.state(); }
   [[nodiscard]] const std::optional<run_t>& run() const { return view_.run(); }
 
-  /// What `tumbler-ctl status --json` says, with the following error of each joint (measured less
+  /// What `tumbler ctl status --json` says, with the following error of each joint (measured less
   /// the setpoint that it answers; null where that is not known), wake-up and tick of this instant,
   /// the figures of the run, and the `poses` of the links. Null before the first state.
   [[nodiscard]] Json Frame();

@@ -195,7 +195,7 @@ inline constexpr std::array kSearchKeys = {
 inline constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
 inline constexpr std::array kSolverKeys = {
     KeyOf<&SolverSettings::step_s>("step_s", kTaskStep_s,
-                                   "equal integration step, of which certificate and second look "
+                                   "equal integration step, of which certificate and cross-check "
                                    "take a sixteenth; a warning says when it is longer than "
                                    "contact [allows](method.md#contact-by-intent)")
         .Default("{}, at most the advisable one"),

@@ -10,7 +10,7 @@ namespace {
 std::string Urdf(const std::string& name, int joints) {
   std::string text = fmt::format(R"(<?xml version="1.0"?>
 <!--
-  {0}: a foot, and an arm of {1} motor{2}. SI units. `tumbler-model check {0}.urdf` says what it holds.
+  {0}: a foot, and an arm of {1} motor{2}. SI units. `tumbler model check {0}.urdf` says what it holds.
   The first link is the root, here the foot: x forward, z up, its frame on the axis of the first motor, 40 mm above the
   ground. Axes are -y, so that angles grow with the pitch of what they turn. An angle is 0 when the link goes straight on
   from the one before, upwards from the foot; joint1 = -pi/2 lays the arm down in front of the foot.
@@ -80,7 +80,7 @@ std::string PoseText(int joints, const std::string& first) {
 std::string TaskText(const std::string& name, int joints, bool rise) {
   constexpr const char* kLying = "-1.5707963267948966";
   return fmt::format(R"(# {0}
-#   tumbler-optimize {1}
+#   tumbler optimize {1}
 # finds it: {2}. Every key is in docs/formats.md.
 format = "tumbler-task"
 version = 1
@@ -158,7 +158,7 @@ max_evaluations = 60      # ... with so many evaluations each
 
 std::string SequenceText(const std::string& name) {
   return fmt::format(
-      R"(# Rising and lying down, again and again. `tumbler-chain check {0}.toml` says whether the motions fit each other.
+      R"(# Rising and lying down, again and again. `tumbler chain check {0}.toml` says whether the motions fit each other.
 format = "tumbler-sequence"
 version = 1
 name = "{0}"
@@ -194,7 +194,7 @@ settle_s = 2.0
 std::string Drives(const std::string& name, int joints) {
   std::string text = fmt::format(
       R"(# The motor drives of {0} and their bus: imagined ones, of the MIT mini-cheetah kind. Before you drive real motors,
-# make this file from them: `tumbler-bench`, docs/commissioning.md. Other protocols: docs/protocols.md.
+# make this file from them: `tumbler bench`, docs/commissioning.md. Other protocols: docs/protocols.md.
 format = "tumbler-drives"
 version = 1
 
@@ -269,9 +269,9 @@ std::string Readme(const std::string& name) {
 
 In this folder:
 
-    tumbler-optimize tasks/rise.toml --out motions/rise.toml --report report
-    tumbler-optimize tasks/lie.toml --start-from motions/rise.toml --out motions/lie.toml
-    tumbler-run sim {0}.toml --cycles 2 --twin twin.toml
+    tumbler optimize tasks/rise.toml --out motions/rise.toml --report report
+    tumbler optimize tasks/lie.toml --start-from motions/rise.toml --out motions/lie.toml
+    tumbler run sim {0}.toml --cycles 2 --twin twin.toml
 
 `report/index.html` shows the motion. `{0}.urdf` is the robot, `tasks/` say what it should do, `{0}.toml` puts motions in
 a sequence, `drives.toml` describes its motors, `twin.toml` the simulated robot. docs/own-robot.md says how to go on.

@@ -57,7 +57,7 @@ class Writer {
     if (!review.left.empty()) throw RobotFileError(urdf_file, review.left);
     if (review.joints_left.empty()) {
       throw FileError(urdf_file, 0, "",
-                      "the robot has no joint that moves in the x-z plane (`tumbler-model check` "
+                      "the robot has no joint that moves in the x-z plane (`tumbler model check` "
                       "says which do not, and why)");
     }
     locked_ = review.to_lock;
@@ -85,7 +85,7 @@ class Writer {
   [[nodiscard]] std::string Task(bool bend) const {
     std::string text = fmt::format(
         R"(# {0}
-#   tumbler-optimize {1}
+#   tumbler optimize {1}
 # finds it: no guess of the motion is given. Every key is in docs/formats.md.
 format = "tumbler-task"
 version = 1
@@ -153,7 +153,7 @@ max_evaluations = 60      # ... with so many evaluations each
 
   [[nodiscard]] std::string Sequence() const {
     return fmt::format(
-        R"(# Bending and going back, again and again. `tumbler-chain check {0}.toml` says whether the motions fit each other.
+        R"(# Bending and going back, again and again. `tumbler chain check {0}.toml` says whether the motions fit each other.
 format = "tumbler-sequence"
 version = 1
 name = "{0}"
@@ -190,7 +190,7 @@ settle_s = 2.0
     const int rate = NewRobotRate(static_cast<int>(joints_.size()));
     std::string text = fmt::format(
         R"(# The motor drives of {0} and their bus: imagined ones, of the MIT mini-cheetah kind, with ranges that hold the limits
-# of {0}.urdf. Before you drive real motors, make this file from them: `tumbler-bench`, docs/commissioning.md. Other
+# of {0}.urdf. Before you drive real motors, make this file from them: `tumbler bench`, docs/commissioning.md. Other
 # protocols: docs/protocols.md.
 format = "tumbler-drives"
 version = 1
@@ -270,9 +270,9 @@ drives = "drives.toml"
 
 In this folder:
 
-    tumbler-optimize tasks/bend.toml --out motions/bend.toml --report report
-    tumbler-optimize tasks/unbend.toml --start-from motions/bend.toml --out motions/unbend.toml
-    tumbler-run sim {0}.toml --cycles 2 --twin twin.toml
+    tumbler optimize tasks/bend.toml --out motions/bend.toml --report report
+    tumbler optimize tasks/unbend.toml --start-from motions/bend.toml --out motions/unbend.toml
+    tumbler run sim {0}.toml --cycles 2 --twin twin.toml
 
 `report/index.html` shows the motion. `{0}.urdf` is the robot, `tasks/` say what it should do, `{0}.toml` puts motions in
 a sequence, `drives.toml` describes its motors, `twin.toml` the simulated robot. docs/own-robot.md says how to go on.

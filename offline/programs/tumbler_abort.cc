@@ -1,4 +1,4 @@
-// tumbler-abort: finds out how a motion that cannot go on hurts the robot least, by the time in it.
+// tumbler abort: finds out how a motion that cannot go on hurts the robot least, by the time in it.
 
 #include <fmt/format.h>
 
@@ -93,7 +93,7 @@ ExitStatus Main(int argc, char** argv) {
       "whether its joints are caught, fold to a pose, or roll the motion out to its end. Each "
       "way is played through the runtime, simulated drives and the twin, on the model and on "
       "robots that are not. What is found depends on nothing but the files and the options.",
-      "tumbler-abort");
+      "tumbler abort");
   line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
@@ -136,5 +136,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-abort", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler abort", argc, argv, tumbler::Main);
 }

@@ -1,4 +1,4 @@
-// tumbler-chain: checks whether the primitives of a sequence fit together, and plays the sequence
+// tumbler chain: checks whether the primitives of a sequence fit together, and plays the sequence
 // in simulation.
 
 #include <fmt/format.h>
@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -18,6 +17,7 @@
 #include "common/files/toml_reader.h"
 #include "offline/certify/chain.h"
 #include "offline/pages/motion_report.h"
+#include "offline/pages/page_file.h"
 
 namespace tumbler {
 namespace {
@@ -149,11 +149,10 @@ ExitStatus Simulate(const Arguments& arguments) {
   std::vector<std::string> inputs;
   const SimulatedMotion motion(LoadSequence(arguments.sequence, NotingReader(inputs)));
   std::vector<std::string> outputs = {arguments.json};
-  if (!arguments.report.empty())
-    outputs.push_back((std::filesystem::path(arguments.report) / "index.html").string());
+  if (!arguments.report.empty()) outputs.push_back(PagePath(arguments.report));
   CheckDistinct(inputs, outputs);
   CheckResult(arguments.json);
-  if (!arguments.report.empty()) CheckFolderWritable(arguments.report);
+  if (!arguments.report.empty()) CheckFolderWritable(PageFolder(arguments.report));
   const SequenceFile& file = motion.file();
   const ChainOutcome outcome = SimulateChain(motion, arguments.options);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
@@ -203,7 +202,7 @@ ExitStatus Simulate(const Arguments& arguments) {
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line("Checks a sequence of primitives, and plays it in the nominal simulation.",
-                   "tumbler-chain");
+                   "tumbler chain");
   line.SetFooter(kExitCodes);
   line.RequireSubcommand();
   CommandLine check = line.Subcommand("check", "Compare both sides of every join");
@@ -218,7 +217,7 @@ ExitStatus Main(int argc, char** argv) {
                   "Take this branch once the cycles are done");
   simulate
       .Option(
-          "--last-hold", arguments.options.last_hold_s,
+          "--hold-s", arguments.options.last_hold_s,
           "Hold after the last node [s]; on a bar, at most until what the motion is for has been "
           "judged; none after a "
           "motion that ends in motion")
@@ -230,7 +229,7 @@ ExitStatus Main(int argc, char** argv) {
       .Within(0.0, 0.01)
       .ShowDefault();
   simulate.Option("--report", arguments.report,
-                  "Write a page that shows the chain into this folder");
+                  "Write a page that shows the chain to this file, *.html, or into this folder");
   simulate.Option("--json", arguments.json,
                   "Write figures as JSON to this file, or to standard output for -");
   line.Parse(argc, argv);

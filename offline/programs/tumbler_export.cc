@@ -1,4 +1,4 @@
-// tumbler-export: writes a primitive or a sequence for others: as a C++ header, for a runtime
+// tumbler export: writes a primitive or a sequence for others: as a C++ header, for a runtime
 // without files; as MJCF and as a table of setpoints, for simulators.
 
 #include <fmt/format.h>
@@ -85,7 +85,7 @@ ExitStatus Main(int argc, char** argv) {
   CommandLine line(
       "Writes a primitive or a sequence for others: as a C++ header for the runtime on a "
       "microcontroller; as a model and setpoints for simulators.",
-      "tumbler-export");
+      "tumbler export");
   line.SetFooter(kExitCodes);
   line.Option("MOTION", motion, "Primitive or sequence file (TOML)").Required();
   line.Option("--header", outputs.header,

@@ -1,4 +1,4 @@
-// tumbler-model: shows the content of a robot file, and evaluates its equations of motion.
+// tumbler model: shows the content of a robot file, and evaluates its equations of motion.
 
 #include <fmt/format.h>
 
@@ -246,7 +246,7 @@ void PrintUse(const RobotReview& review) {
   }
   if (review.obstacles.empty() && review.CanBePlanned()) {
     if (review.touches) {
-      fmt::print("can be planned: yes, tumbler-optimize takes it\n");
+      fmt::print("can be planned: yes, tumbler optimize takes it\n");
     } else {
       fmt::print(
           "can be planned: only where it touches nothing (obstacle = []); to touch anything it "
@@ -612,7 +612,7 @@ ExitStatus Urdf(const Arguments& arguments) {
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line("Shows what a robot file (URDF) holds, and evaluates its equations of motion.",
-                   "tumbler-model");
+                   "tumbler model");
   line.SetFooter(kExitCodes);
   line.RequireSubcommand();
   CommandLine check = line.Subcommand("check",

@@ -1,4 +1,4 @@
-// tumbler-new: makes the files of a new robot.
+// tumbler new: makes the files of a new robot.
 
 #include <fmt/format.h>
 
@@ -56,10 +56,10 @@ ExitStatus WriteOfUrdf(const std::string& name, const std::string& urdf, const s
   fmt::print(
       "{0}: the robot of {1}, of which these joints move: {2}. Go on with\n"
       "    cd {0}\n"
-      "    tumbler-optimize tasks/bend.toml --out motions/bend.toml --report report\n"
-      "    tumbler-optimize tasks/unbend.toml --start-from motions/bend.toml --out "
+      "    tumbler optimize tasks/bend.toml --out motions/bend.toml --report report\n"
+      "    tumbler optimize tasks/unbend.toml --start-from motions/bend.toml --out "
       "motions/unbend.toml\n"
-      "    tumbler-run sim {0}.toml --cycles 2 --twin twin.toml\n",
+      "    tumbler run sim {0}.toml --cycles 2 --twin twin.toml\n",
       name, urdf, fmt::join(made.joints, ", "));
   return ExitStatus::kDone;
 }
@@ -69,7 +69,7 @@ ExitStatus Main(int argc, char** argv) {
   int joints = 2;
   CommandLine line(
       "Makes the files of a new robot, from which motions are found and played at once.",
-      "tumbler-new");
+      "tumbler new");
   line.SetFooter(kFooter);
   line.Option("NAME", name, "of the robot, and of the folder that is made").Required();
   CommandLineOption arm = line.Option("--joints", joints, "how many motors its arm has");
@@ -94,9 +94,9 @@ ExitStatus Main(int argc, char** argv) {
   fmt::print(
       "{0}: a robot of {1} motor{2}. Go on with\n"
       "    cd {0}\n"
-      "    tumbler-optimize tasks/rise.toml --out motions/rise.toml --report report\n"
-      "    tumbler-optimize tasks/lie.toml --start-from motions/rise.toml --out motions/lie.toml\n"
-      "    tumbler-run sim {0}.toml --cycles 2 --twin twin.toml\n",
+      "    tumbler optimize tasks/rise.toml --out motions/rise.toml --report report\n"
+      "    tumbler optimize tasks/lie.toml --start-from motions/rise.toml --out motions/lie.toml\n"
+      "    tumbler run sim {0}.toml --cycles 2 --twin twin.toml\n",
       name, joints, joints == 1 ? "" : "s");
   return ExitStatus::kDone;
 }
@@ -105,5 +105,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-new", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler new", argc, argv, tumbler::Main);
 }

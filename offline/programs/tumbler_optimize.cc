@@ -1,4 +1,4 @@
-// tumbler-optimize: makes a primitive file from a task file.
+// tumbler optimize: makes a primitive file from a task file.
 
 #include <fmt/format.h>
 
@@ -24,6 +24,7 @@
 #include "offline/certify/result_text.h"
 #include "offline/certify/task_result.h"
 #include "offline/pages/motion_report.h"
+#include "offline/pages/page_file.h"
 #include "offline/pages/report.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/guess.h"
@@ -119,8 +120,8 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   }
   for (const std::string& path : files) CheckWritable(path);
   if (!arguments.report.empty()) {
-    CheckFolderWritable(arguments.report);
-    files.push_back((fs::path(arguments.report) / "index.html").string());
+    CheckFolderWritable(PageFolder(arguments.report));
+    files.push_back(PagePath(arguments.report));
   }
   CheckDistinct(inputs, files);
   PrintNotes(task);
@@ -292,7 +293,7 @@ ExitStatus Optimize(const Arguments& arguments) {
 
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
-  CommandLine line("Finds a motion for a task and writes it as a primitive.", "tumbler-optimize");
+  CommandLine line("Finds a motion for a task and writes it as a primitive.", "tumbler optimize");
   line.SetFooter(kExitCodes);
   line.Option("TASK", arguments.tasks,
               "Task file (TOML); several are worked on one by one, and ranked")
@@ -313,8 +314,8 @@ ExitStatus Main(int argc, char** argv) {
       .Within(1, 256)
       .ShowDefault();
   line.Option("--report", arguments.report,
-              "Write a page that shows the motion into this folder; for several tasks into "
-              "its folder NAME");
+              "Write a page that shows the motion to this file, *.html, or into this folder; for "
+              "several tasks into its folder NAME");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");
   line.Option("--minima", arguments.minima,

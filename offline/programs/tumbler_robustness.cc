@@ -1,4 +1,4 @@
-// tumbler-robustness: how many robots that are not the model survive a motion, each played through
+// tumbler robustness: how many robots that are not the model survive a motion, each played through
 // the runtime, simulated drives and twin.
 
 #include <fmt/format.h>
@@ -57,7 +57,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("MOTION", study.motion, "Primitive or sequence file (TOML)").Required();
   line.Option("--robots", plan.robots, "How many").Within(1, 10000000).ShowDefault();
   line.Option("--cycles", study.run.cycles, "Of a sequence").Within(0, 100000).ShowDefault();
-  line.Option("--hold", study.run.hold_s, "Hold after the last motion has settled [s]")
+  line.Option("--hold-s", study.run.hold_s, "Hold after the last motion has settled [s]")
       .Within(0.0, 3600.0)
       .ShowDefault();
   line.Option("--get-ups", study.run.get_ups,
@@ -105,7 +105,8 @@ void Declare(CommandLine& line, Arguments& arguments) {
       "--certify", arguments.certify,
       "Write the share into the primitive's file, or into those that the sequence plays; with "
       "--window, the windows into the primitive's");
-  line.Option("--report", arguments.report, "Write a page, index.html, into this folder");
+  line.Option("--report", arguments.report,
+              "Write a page to this file, *.html, or into this folder");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");
   line.Flag("--quiet", arguments.quiet, "No progress: only what was found");
@@ -154,10 +155,10 @@ void Check(Arguments& arguments) {
   std::vector<std::string> motions;
   const SequenceFile motion = LoadMotion(study.motion, NotingReader(motions));
   inputs.insert(inputs.end(), motions.begin(), motions.end());
-  const std::string page = arguments.report.empty()
-                               ? ""
-                               : (std::filesystem::path(arguments.report) / "index.html").string();
-  CheckDistinct(inputs, {arguments.json, arguments.plan.checkpoint, arguments.report, page});
+  const std::string page = arguments.report.empty() ? "" : PagePath(arguments.report);
+  std::vector<std::string> outputs = {arguments.json, arguments.plan.checkpoint, page};
+  if (arguments.report != page) outputs.push_back(arguments.report);  // The folder of the page.
+  CheckDistinct(inputs, outputs);
   if (!arguments.branch.empty()) {
     study.run.branch = motion.graph.FindBranch(arguments.branch);
     if (study.run.branch < 0) {
@@ -206,7 +207,7 @@ void Check(Arguments& arguments) {
     }
     for (const std::string& path : motions) CheckWritable(path);
   }
-  if (!arguments.report.empty()) CheckFolderWritable(arguments.report);
+  if (!arguments.report.empty()) CheckFolderWritable(PageFolder(arguments.report));
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
 }
 
@@ -303,12 +304,12 @@ ExitStatus Main(int argc, char** argv) {
       "simulated drives and the twin, and tells how many are as asked after every motion. Robot "
       "number i of a seed is the same whatever the number of robots, threads, processes (mpirun) "
       "and shards. With --window: on which ground the model itself is as asked.",
-      "tumbler-robustness");
+      "tumbler robustness");
   line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
   if (arguments.window) CheckWindow(line);
-  return RunTogether("tumbler-robustness", [&arguments](const Processes& processes) {
+  return RunTogether("tumbler robustness", [&arguments](const Processes& processes) {
     return Play(arguments, processes);
   });
 }
@@ -317,5 +318,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-robustness", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler robustness", argc, argv, tumbler::Main);
 }

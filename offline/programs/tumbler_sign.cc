@@ -1,4 +1,4 @@
-// tumbler-sign: makes a primitive that was changed by hand loadable again, and says in it that it
+// tumbler sign: makes a primitive that was changed by hand loadable again, and says in it that it
 // was.
 
 #include <fmt/format.h>
@@ -27,7 +27,7 @@ ExitStatus Main(int argc, char** argv) {
       "Signs a primitive that was changed by hand: margins and hashes become those of what it "
       "says now, and its key provenance.edited says why it was changed. What the certificate says "
       "of contact, torque and gradient stays that of the motion before the change.",
-      "tumbler-sign");
+      "tumbler sign");
   line.SetFooter(kExitCodes);
   line.Option("PRIMITIVE", primitive, "Primitive file (TOML), which is replaced").Required();
   line.Option("--because", reason, "Why it was changed, for those who will play it").Required();

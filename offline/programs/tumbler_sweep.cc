@@ -1,4 +1,4 @@
-// tumbler-sweep: makes a library of primitives from a task, one for each point of a grid of its
+// tumbler sweep: makes a library of primitives from a task, one for each point of a grid of its
 // numbers.
 
 #include <fmt/format.h>
@@ -129,10 +129,10 @@ ExitStatus Main(int argc, char** argv) {
       "Makes a library of primitives: solves a task again for every combination of some of its "
       "numbers, such as friction, slope and mass. A point's primitive is the same whatever the "
       "number of threads, processes (mpirun) and interruptions.",
-      "tumbler-sweep");
+      "tumbler sweep");
   Declare(line, arguments);
   line.Parse(argc, argv);
-  return RunTogether("tumbler-sweep", [&arguments](const Processes& processes) {
+  return RunTogether("tumbler sweep", [&arguments](const Processes& processes) {
     return Sweep(arguments, processes);
   });
 }
@@ -141,5 +141,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-sweep", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler sweep", argc, argv, tumbler::Main);
 }

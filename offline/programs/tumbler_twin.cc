@@ -1,4 +1,4 @@
-// tumbler-twin: simulates the robot, with its drives on a SocketCAN interface and the physics
+// tumbler twin: simulates the robot, with its drives on a SocketCAN interface and the physics
 // behind them.
 
 #include <fmt/format.h>
@@ -28,8 +28,8 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kFooter =
-    R"(The robot and the ground are those of MOTION, a primitive or a sequence; FILE of --config says what differs, what
-happens to the robot, and may name motion and drives (docs/formats.md). What is not given is as in `tumbler-run sim`.
+    R"(The robot and the ground are those of MOTION, a primitive or a sequence; FILE of --twin says what differs, what
+happens to the robot, and may name motion and drives (docs/formats.md). What is not given is as in `tumbler run sim`.
 
 The robot is held by hand, joints and all, until every drive is enabled. From then on physics takes its course at the
 pace of the clock: with the torque off it collapses. It falls when it comes to rest in a pose that no motion begins or
@@ -119,7 +119,7 @@ std::string FileOf(const std::string& given, const std::string& named, const cha
   if (!given.empty()) return given;
   if (!named.empty()) return named;
   throw std::runtime_error(
-      fmt::format("which {}? Give {}, or a --config file with `{} = \"...\"`", what, option, what));
+      fmt::format("which {}? Give {}, or a --twin file with `{} = \"...\"`", what, option, what));
 }
 
 std::int64_t UtimeNow() {
@@ -193,18 +193,18 @@ ExitStatus Run(const Options& options) {
 ExitStatus Main(int argc, char** argv) {
   Options options;
   CommandLine line("The robot as a process: simulated drives and physics on a SocketCAN interface.",
-                   "tumbler-twin");
+                   "tumbler twin");
   line.SetFooter(kFooter);
   line.Option("BUS", options.interface, "SocketCAN interface, e.g. vcan0").Required();
   line.Option("MOTION", options.motion, "primitive or sequence file (TOML)");
-  line.Option("--config", options.config, "the robot as it is, with disturbances (TOML)");
+  line.Option("--twin", options.config, "the robot as it is, with disturbances (TOML)");
   line.Option("--drives", options.drives, "drive configuration (TOML)");
   line.Option("--lcm-url", options.lcm_url,
               "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0")
       .LcmUrl();
   line.Option("--truth", options.truth, "write truth_t to this LCM log");
   line.Option("--pace", options.pace,
-              "seconds of the robot in a second of the clock; tumbler-run needs the same")
+              "seconds of the robot in a second of the clock; tumbler run needs the same")
       .Within(0.05, 1.0)
       .ShowDefault();
   line.Option("--json", options.json,
@@ -217,5 +217,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-twin", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler twin", argc, argv, tumbler::Main);
 }

@@ -1,4 +1,5 @@
-// tumbler-view: shows a run in a browser, while it happens or from its record.
+// tumbler view: shows a run in a browser, while it happens or from its record, or writes the page
+// of several.
 
 #include <fmt/format.h>
 
@@ -18,23 +19,27 @@
 #include "offline/pages/report_page.h"
 #include "offline/pages/view_feed.h"
 #include "offline/pages/view_server.h"
+#include "offline/programs/view_report.h"
 
 namespace tumbler {
 namespace {
 
 constexpr const char* kFooter =
     R"(Open the address that it prints. The page shows a run that was started with the same --lcm-url as it happens, or plays
-a record. Its buttons `Stop` and `Torque off` ask for the same as `tumbler-ctl stop` and `disarm`. Nothing here begins a
+a record. Its buttons `Stop` and `Torque off` ask for the same as `tumbler ctl stop` and `disarm`. Nothing here begins a
 motion. They are no emergency stop: have a switch that cuts the power.
 
 Telemetry does not say what the robot looks like. --motion does: the primitive or sequence that is played.
 
+With --out nothing is served: a page is written that needs no network, with plan, command, measurement and truth of every
+joint on one axis of time, the robots of plan and truth, faults and transitions, latencies, and how runs differ.
+
 Exit codes:
-  0  done: ended by Ctrl-C
-  1  wrong usage, or a file, URL or port that cannot be used)";
+  0  done: the page is written, or it was ended by Ctrl-C
+  1  wrong usage, or a file, URL or port that cannot be used; nothing was written)";
 
 struct Arguments {
-  std::string record;
+  ReportArguments report;  ///< Its files are those of the command line.
   std::string url;
   std::string motion;
   std::string robot;
@@ -69,12 +74,13 @@ void Serve(const ViewServerConfig& config, const std::string& what, const sigset
 }
 
 ExitStatus ShowRecord(const Arguments& arguments, const sigset_t& signals) {
+  const std::string& record = arguments.report.files.front();
   ViewServerConfig config;
   config.bind = arguments.bind;
   config.port = arguments.port;
   config.token = RandomToken();
-  config.page = FillPage(ViewPage(), arguments.record, RecordedView(arguments.record));
-  Serve(config, arguments.record, signals);
+  config.page = FillPage(ViewPage(), record, RecordedView(record));
+  Serve(config, record, signals);
   return ExitStatus::kDone;
 }
 
@@ -102,14 +108,19 @@ ExitStatus ShowLive(const Arguments& arguments, const sigset_t& signals) {
 
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
-  CommandLine line("Shows a run in a browser, while it happens or from its record.",
-                   "tumbler-view");
+  ReportArguments& report = arguments.report;
+  CommandLine line(
+      "Shows a run in a browser, while it happens or from its record, or writes a page of runs and "
+      "plans.",
+      "tumbler view");
   line.SetFooter(kFooter);
-  auto record = line.Option("RECORD", arguments.record, "flight record (tumbler-run --record)");
+  auto files = line.Option("RECORD|PRIMITIVE", report.files,
+                           "flight record (`tumbler run --record`); with --out several of one "
+                           "robot, and primitives");
   auto url = line.Option("--lcm-url", arguments.url,
-                         "where tumbler-run publishes, e.g. udpm://239.255.76.67:7667?ttl=0")
+                         "where `tumbler run` publishes, e.g. udpm://239.255.76.67:7667?ttl=0")
                  .LcmUrl()
-                 .Excludes(record);
+                 .Excludes(files);
   line.Option("--motion", arguments.motion,
               "the primitive or sequence that is played, for the picture")
       .Needs(url);
@@ -123,10 +134,39 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--port", arguments.port, "port to listen at; 0: any that is free")
       .Within(0, 65535)
       .ShowDefault();
+  auto out = line.Option("--out", report.out,
+                         "write the page of the records to this file, *.html, or into this folder "
+                         "as index.html")
+                 .Excludes(url);
+  line.Option(
+          "--truth", report.truths,
+          "with --out: LCM log with TUMBLER_TRUTH (`tumbler twin --truth`) of the first record; "
+          "given again, of the second, ...")
+      .TakesOneValueEachTime()
+      .Needs(out);
+  line.Option("--ticks", report.options.ticks_max,
+              "with --out: how many ticks of each run the plots have, and those that stand out; "
+              "figures are of all ticks")
+      .Within(100, 200'000)
+      .ShowDefault()
+      .Needs(out);
+  line.Option("--from-s", report.options.from_s,
+              "with --out: show the runs from this time on only [s]; 0 is where the motion begins")
+      .Needs(out);
+  line.Option("--to-s", report.options.to_s, "with --out: show the runs up to this time only [s]")
+      .Needs(out);
   line.Parse(argc, argv);
-  if (arguments.record.empty() && arguments.url.empty()) {
+  if (line.Given("--out")) {
+    if (report.files.empty()) throw UsageError("RECORD|PRIMITIVE", "is required");
+    CheckReport(report);
+    return WriteReportOfRuns(report);
+  }
+  if (report.files.empty() && arguments.url.empty()) {
     throw UsageError("RECORD", "is missing, and so is --lcm-url; give the one or the other");
   }
+  if (report.files.size() > 1)
+    throw UsageError("RECORD",
+                     "is one where it is shown in a browser; --out writes a page of several");
   const sigset_t signals = HoldSignals();
   return arguments.url.empty() ? ShowRecord(arguments, signals) : ShowLive(arguments, signals);
 }
@@ -135,5 +175,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-view", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler view", argc, argv, tumbler::Main);
 }

@@ -52,7 +52,7 @@ struct LoadedRecord {
   std::string name;
   std::vector<std::string> joints;
   double period_s = 0;
-  ColumnTable ticks;   ///< The columns of the CSV that `tumbler-record` writes, without rounding.
+  ColumnTable ticks;   ///< The columns of the CSV that `tumbler record` writes, without rounding.
   ColumnTable truths;  ///< True states of a simulated robot.
   std::vector<std::string> remarks;  ///< As of FlightRecord.
   bool complete = false;             ///< It ended in order, and nothing is lost or damaged.

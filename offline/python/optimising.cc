@@ -179,7 +179,7 @@ void BindOptimising(py::module_& module) {
         return Optimise(task, {seed, threads, keep_best, std::move(start_from), std::move(guess)},
                         progress);
       },
-      "Finds a motion for a Task or its file, as tumbler-optimize does.\n\n"
+      "Finds a motion for a Task or its file, as tumbler optimize does.\n\n"
       "The result depends on task and seed alone, not on the threads (0: one for each core).\n"
       "`progress` is called with a Progress after every evaluation, from any thread; when it\n"
       "returns False the search ends, and with `keep_best` the best motion so far is the\n"

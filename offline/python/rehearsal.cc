@@ -119,7 +119,7 @@ void BindSimulate(py::module_& module) {
           [](const SimulatedRun& self) {
             return py::module_::import("json").attr("loads")(self.json);
           },
-          "The figures that `tumbler-run sim --json` writes.")
+          "The figures that `tumbler run sim --json` writes.")
       .def(
           "__eq__",
           [](const SimulatedRun& a, const SimulatedRun& b) {
@@ -158,7 +158,7 @@ void BindSimulate(py::module_& module) {
         plan.settings.hold_s = hold_s;
         return Simulate(motion, std::move(plan));
       },
-      "Plays a Primitive, or the file of a primitive or a sequence, as `tumbler-run sim` does.\n\n"
+      "Plays a Primitive, or the file of a primitive or a sequence, as `tumbler run sim` does.\n\n"
       "It goes through the runtime, simulated drives and the twin. `from_node` is the option\n"
       "--from, `get_ups` is --get-ups. `record` keeps the flight record in a file, which must not\n"
       "exist. Throws FileError, Refused.",
@@ -370,7 +370,7 @@ void BindRobustnessMap(py::module_& module) {
           [](const RobustnessMap& self) {
             return py::module_::import("json").attr("loads")(self.json);
           },
-          "The figures that `tumbler-robustness --json` writes.")
+          "The figures that `tumbler robustness --json` writes.")
       .def("__len__", [](const RobustnessMap& self) { return self.verdicts.size(); })
       .def("__eq__", &SameMap, py::is_operator())
       .def(py::pickle(&StateOfMap, &MapOfState))
@@ -403,7 +403,7 @@ void BindRobustness(py::module_& module) {
         plan.threads = threads;
         return MapRobots(motion, std::move(study), std::move(plan), branch, progress);
       },
-      "Plays a motion on robots that differ from the model, as tumbler-robustness does.\n\n"
+      "Plays a motion on robots that differ from the model, as tumbler robustness does.\n\n"
       "It is a Primitive, or the file of a primitive or a sequence. `spreads` are standard\n"
       "deviations by their names in its JSON, in place of the defaults; friction, stiffness and\n"
       "damping may have a range instead: {\"from\": 0.15, \"to\": 1.0} of values, {\"factor\": "

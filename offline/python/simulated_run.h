@@ -27,9 +27,9 @@ struct SimulatedRunPlan {
 int BranchOf(const SequenceFile& motion, const std::string& path, const std::string& branch,
              int cycles);
 
-/// Plays the motion as `tumbler-run sim` does with the same files, in virtual time.
+/// Plays the motion as `tumbler run sim` does with the same files, in virtual time.
 /// @param stop  ends the run where it is, by an exception that nobody need look at.
-/// @throws FileError, Refused and std::runtime_error  as `tumbler-run` does, and
+/// @throws FileError, Refused and std::runtime_error  as `tumbler run` does, and
 /// std::invalid_argument  as BranchOf and BeginningNamed.
 RunSummary SimulateRun(const SimulatedRunPlan& plan, const std::atomic<bool>& stop);
 

@@ -63,7 +63,7 @@ AbortCheckResult CheckAborts(const AbortStudy& study) {
                                            LoadAbortTrials(study));
   const Primitive<double>& primitive = of_thread.front().primitive();
   if (!primitive.aborts.present()) {
-    throw Refused(study.primitive + ": has no table of aborts; let tumbler-abort find one and " +
+    throw Refused(study.primitive + ": has no table of aborts; let tumbler abort find one and " +
                   "write it with --write");
   }
   AbortCheckResult result;

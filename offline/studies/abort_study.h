@@ -33,7 +33,7 @@ struct AbortStudy {
   std::function<void(int played, int of)> progress;
 };
 
-/// The trials of a study. @throws FileError, Refused, std::runtime_error  as `tumbler-run sim`
+/// The trials of a study. @throws FileError, Refused, std::runtime_error  as `tumbler run sim`
 /// does, and Refused when the motion is no primitive.
 AbortTrials LoadAbortTrials(const AbortStudy& study);
 /// Robot number `index` of a study; number 0 is the model.

@@ -64,7 +64,7 @@ WorkFile::Work CheckpointOf(const std::string& identity) {
   return {.format = "tumbler-robots",
           .version = 4,  // 3 left out points and what is asked for in the motion
           .identity = identity,
-          .program = "tumbler-robustness",
+          .program = "tumbler robustness",
           .differs =
               "is about other robots: motion, drives, seed, spreads or another option "
               "differ"};

@@ -45,7 +45,7 @@ WorkFile::Work WorkOf(const SweepStudy& study) {
   return {.format = "tumbler-library-points",
           .version = 1,
           .identity = HashOfText(text),
-          .program = "tumbler-sweep",
+          .program = "tumbler sweep",
           .differs =
               "is about other points: task, robot, guess, seed or the values of --over "
               "differ"};
@@ -125,7 +125,7 @@ WorkFile OpenLibrary(const SweepStudy& study, const SweepPlan& plan, std::string
   const std::string path = InFolder(plan, "points.jsonl");
   if (fs::exists(plan.folder) && !fs::is_empty(plan.folder) && !fs::exists(path)) {
     throw FileError(plan.folder, 0, "",
-                    "has files in it, and is no library of tumbler-sweep; name another folder");
+                    "has files in it, and is no library of tumbler sweep; name another folder");
   }
   std::string all;
   WorkFile file(path, WorkOf(study), all);

@@ -185,7 +185,7 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
   }
   if (const auto [from_s, to_s] = PushTimes(); study_.push_n != 0 && !(from_s + 0.5 <= to_s)) {
     throw Refused(study_.motion +
-                  ": the hold is too short for a push at a random time in it; take --hold 8");
+                  ": the hold is too short for a push at a random time in it; take --hold-s 8");
   }
 }
 
@@ -287,7 +287,7 @@ void Trials::PlayModel() {
     throw Refused(
         fmt::format("{}: ends {:.6g} s after the last motion has settled, before a robot "
                     "can be judged, which is {:.6g} s after the motion; take a longer "
-                    "--hold",
+                    "--hold-s",
                     study_.motion, study_.run.hold_s, Passage::kLater_s));
   }
   script_ = std::move(script);

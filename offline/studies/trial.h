@@ -125,7 +125,7 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
 /// once, for all copies. Not thread-safe: each thread takes a copy.
 class Trials {
  public:
-  /// Plays the model, too. @throws FileError, Refused, std::runtime_error as `tumbler-run sim`
+  /// Plays the model, too. @throws FileError, Refused, std::runtime_error as `tumbler run sim`
   /// does, and Refused when the model itself does not get through without a fault, when the hold is
   /// too short for a push, or when a sensor is to fail and there is none.
   explicit Trials(const RobustnessStudy& study);

@@ -52,7 +52,7 @@ class PausingClock final : public Clock {
   std::int64_t pause_ns_ = 0;
 };
 
-/// A run of a robot that differs from the model, in virtual time: the runtime as `tumbler-run` has
+/// A run of a robot that differs from the model, in virtual time: the runtime as `tumbler run` has
 /// it, simulated drives on a simulated bus, and the twin. The host does not know in what the robot
 /// differs, but for the gains.
 class VariedRun {

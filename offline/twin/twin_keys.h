@@ -23,9 +23,9 @@ inline constexpr FileHeader kTwinHeader{"tumbler-twin", 1, "is '{0}'; allowed: '
 inline constexpr std::array kTwinFileKeys = {
     KeyOf<&TwinSources::motion>("motion",
                                 "primitive or sequence, relative to this file's folder; for "
-                                "`tumbler-twin` where the command line names none")
+                                "`tumbler twin` where the command line names none")
         .Allowed("a file"),
-    KeyOf<&TwinSources::drives>("drives", "drives, likewise; `tumbler-run sim` takes them too")
+    KeyOf<&TwinSources::drives>("drives", "drives, likewise; `tumbler run sim` takes them too")
         .Allowed("a file"),
 };
 

@@ -180,7 +180,7 @@ std::vector<HostFinding> Diagnose(const HostFacts& facts) {
              facts.locked_bytes_max < 0, kMissing,
              "`memlock unlimited` for this user in /etc/security/limits.d (scripts/host-setup)");
   report.Add("preemption", facts.kernel, facts.kernel == "PREEMPT_RT", kAdvice,
-             "a PREEMPT_RT kernel (Debian: linux-image-rt-amd64 or -arm64); compare `tumbler-run "
+             "a PREEMPT_RT kernel (Debian: linux-image-rt-amd64 or -arm64); compare `tumbler run "
              "--latency-test 60`");
   report.Add("processor sleep", facts.may_keep_awake ? "can be held off" : "cannot be held off",
              facts.may_keep_awake, kAdvice,

@@ -16,7 +16,7 @@ constexpr const char* kFooter =
 everything can be tried. There the questions are answered by what is true; with --ask you answer them.
 
 Without --arm no motor turns on an interface, and no drive gets another zero of its own. Every motion is slow and small: within --amplitude of where the joint was
-when its drive was enabled, at most --speed fast and, where the drive's protocol carries gains, with at most --torque.
+when its drive was enabled, at most --velocity fast and, where the drive's protocol carries gains, with at most --torque.
 One drive is enabled at a time, and Ctrl-C takes its torque off at any time. Do it with the motors free of the robot, or
 with the robot held in the air, and with an emergency stop at hand.
 
@@ -59,7 +59,7 @@ void DeclareBounds(CommandLine& line, BenchOptions& options) {
   line.Option("--amplitude", bounds.amplitude_rad, "farthest way of a motion [rad]")
       .Within(0.001, 1.0)
       .ShowDefault();
-  line.Option("--speed", bounds.speed_rad_s, "fastest setpoint [rad/s]")
+  line.Option("--velocity", bounds.speed_rad_s, "fastest setpoint [rad/s]")
       .Within(0.01, 5.0)
       .ShowDefault();
   line.Option("--torque", bounds.torque_nm, "most torque that setpoints ask for [N m]")
@@ -92,7 +92,7 @@ void DeclareStep(CommandLine& line, BenchOptions& options) {
   line.Option("--size", options.config.step.size_rad, "of the step [rad]")
       .Within(0.001, 0.5)
       .ShowDefault();
-  line.Option("--page", options.page, "write a page with the drawing, an HTML file");
+  line.Option("--report", options.page, "write a page with the drawing, an HTML file");
 }
 
 void DeclareSeconds(CommandLine& line, BenchOptions& options) {
@@ -102,7 +102,7 @@ void DeclareSeconds(CommandLine& line, BenchOptions& options) {
 }
 
 void DeclareWrite(CommandLine& line, BenchOptions& options) {
-  line.Option("--write", options.write, "drives file to write, as it was found");
+  line.Option("--out", options.write, "drives file to write, as it was found");
   line.Flag("--overwrite", options.overwrite, "replace it when it exists");
 }
 
@@ -111,7 +111,7 @@ void DeclareCommands(CommandLine& line, BenchOptions& options) {
   line.Subcommand("read", "show what the drives of the file report; nothing moves");
   CommandLine dbc = line.Subcommand(
       "dbc", "describe the frames of the drives for bus analysers; the bus is not touched");
-  dbc.Option("--write", options.write, "DBC file to write");
+  dbc.Option("--out", options.write, "DBC file to write");
   dbc.Flag("--overwrite", options.overwrite, "replace it when it exists");
   const auto of_joint = [&](const char* name, const char* help) {
     CommandLine command = line.Subcommand(name, help);
@@ -126,10 +126,9 @@ void DeclareCommands(CommandLine& line, BenchOptions& options) {
   CommandLine zero = of_joint("zero", "find a joint's zero in a known pose; nothing moves");
   zero.Option("--at", options.at_rad, "angle of the pose [rad]; without it that of the motion")
       .TakesValues(1, "RAD");
-  zero.Flag(
-      "--in-drive", options.in_drive,
-      "MIT: let the drive take this place as its own zero, too; needs --write, and --arm on an "
-      "interface");
+  zero.Flag("--in-drive", options.in_drive,
+            "MIT: let the drive take this place as its own zero, too; needs --out, and --arm on an "
+            "interface");
   DeclareWrite(zero, options);
   of_joint("check", "direction of a joint, by a small motion, and its way, by hand");
   CommandLine step = of_joint("step", "the response of a joint to a step");
@@ -188,11 +187,11 @@ void CheckBench(const BenchOptions& options) {
   }
   if (options.command == "step" || options.command == "commission") CheckStep(options);
   if (options.command == "commission" && options.write.empty())
-    throw UsageError("--write", "is needed: where is the drives file to go?");
+    throw UsageError("--out", "is needed: where is the drives file to go?");
   if (options.command == "dbc" && options.write.empty())
-    throw UsageError("--write", "is needed: where is the description to go?");
+    throw UsageError("--out", "is needed: where is the description to go?");
   if (options.in_drive && options.write.empty()) {
-    throw UsageError("--write",
+    throw UsageError("--out",
                      "is needed with --in-drive: the drives file does not hold any longer then");
   }
   if (options.moves() && !options.simulated() && !options.arm) {
@@ -212,7 +211,7 @@ void CheckBench(const BenchOptions& options) {
 BenchOptions ReadBenchOptions(int argc, char** argv) {
   BenchOptions options;
   CommandLine line("Commissions motor drives over CAN: from a box of drives to a drives file.",
-                   "tumbler-bench");
+                   "tumbler bench");
   line.SetFooter(kFooter);
   DeclareBench(line, options);
   DeclareBounds(line, options);

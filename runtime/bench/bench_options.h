@@ -7,7 +7,7 @@
 
 namespace tumbler {
 
-/// The command line of tumbler-bench. An empty name leaves the file or output out.
+/// The command line of tumbler bench. An empty name leaves the file or output out.
 struct BenchOptions {
   std::string bus;
   std::string command;  ///< The subcommand.

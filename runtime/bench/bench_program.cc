@@ -160,7 +160,7 @@ class BenchRun {
     if (!silent.empty()) {
       throw Refused(session_->NameOf(silent.front()) +
                     " does not reply: is it switched on, and are its identifiers right? "
-                    "(tumbler-bench BUS scan)");
+                    "(tumbler bench BUS scan)");
     }
     if (options_.clear) session_->ClearErrors();
     return *session_;
@@ -330,7 +330,7 @@ void BenchRun::JudgePlaceOf(std::size_t drive) {
   }
   judgement_.not_told.push_back(name +
                                 ": the scales of positions, velocities, torques and gains, since "
-                                "nothing moves (tumbler-bench BUS check)");
+                                "nothing moves (tumbler bench BUS check)");
   TellDampingOf(drive);
 }
 
@@ -344,7 +344,7 @@ void BenchRun::TellDampingOf(std::size_t drive) {
                   session_->NameOf(drive), kd,
                   entry.loop_hz > 0
                       ? fmt::format(" of {:.4g} kHz: above a least inertia of {:.2g} kg m^2 at the "
-                                    "joint, advised twice that (tumbler-run tells a motion's)",
+                                    "joint, advised twice that (tumbler run tells a motion's)",
                                     1e-3 * entry.loop_hz, LeastDampedInertia(kd, 1 / entry.loop_hz))
                       : ", whose rate is not known (loop_hz)"));
 }
@@ -559,10 +559,10 @@ ExitStatus RunBench(int argc, char** argv) {
   try {
     return BenchRun(options).Run();
   } catch (const BenchFault& fault) {
-    SayToOperator(fmt::format("tumbler-bench: fault: {}; the torque is off", fault.what()));
+    SayToOperator(fmt::format("tumbler bench: fault: {}; the torque is off", fault.what()));
     return ExitStatus::kFault;
   } catch (const BenchInterrupted&) {
-    SayToOperator("tumbler-bench: interrupted; the torque is off");
+    SayToOperator("tumbler bench: interrupted; the torque is off");
     return ExitStatus::kInterrupted;
   }
 }

@@ -4,7 +4,7 @@
 
 namespace tumbler {
 
-/// The program tumbler-bench.
+/// The program tumbler bench.
 ExitStatus RunBench(int argc, char** argv);
 
 }  // namespace tumbler

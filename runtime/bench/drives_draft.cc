@@ -82,7 +82,7 @@ void DrivesDraft::Set(std::size_t drive, std::string_view key, const std::string
 }
 
 void DrivesDraft::SetNote(std::string_view note) {
-  constexpr std::string_view kHead = "# tumbler-bench: ";
+  constexpr std::string_view kHead = "# tumbler bench: ";
   std::vector<std::string> lines = LinesOf(text_);
   if (!lines.empty() && lines.front().compare(0, kHead.size(), kHead) == 0)
     lines.erase(lines.begin());

@@ -15,7 +15,7 @@
 #include <span>
 #include <string_view>
 
-#include "motion.h"  // Written by tumbler-export.
+#include "motion.h"  // Written by tumbler export.
 #include "runtime/embedded/playback.h"
 #include "runtime/embedded/semihosting.h"
 #include "runtime/embedded/startup.h"

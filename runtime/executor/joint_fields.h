@@ -17,7 +17,7 @@ struct JointField {
   const char* unit;    ///< Empty: there is none.
   const char* meaning;
   Origin origin = Origin::kExecutor;  ///< Where the value comes from.
-  const char* status = nullptr;       ///< Its key in `tumbler-ctl status --json`; null: not there.
+  const char* status = nullptr;       ///< Its key in `tumbler ctl status --json`; null: not there.
 };
 
 /// Calls `visit(field, in_record, in_message)` for every field of a joint in one tick, in the order

@@ -67,7 +67,7 @@ const char* ToString(Refusal refusal) noexcept {
       return "a joint is far from where it was last known";
     case Refusal::kFarFromStart:
       return "a joint is far from the motion's start: is it the right joint, with the right zero? "
-             "(tumbler-run --start-within)";
+             "(tumbler run --start-within)";
     case Refusal::kDriveError:
       return "a drive reports an error";
     case Refusal::kTooHot:
@@ -81,12 +81,12 @@ const char* ToString(Refusal refusal) noexcept {
     case Refusal::kNoSuchBranch:
       return "the sequence has no such branch";
     case Refusal::kPitchUnknown:
-      return "the sensor does not tell how the robot lies: say it (tumbler-run --from)";
+      return "the sensor does not tell how the robot lies: say it (tumbler run --from)";
     case Refusal::kNotAtRest:
       return "the robot still turns";
     case Refusal::kLiesOtherwise:
       return "the robot lies otherwise than at any beginning of the sequence, or than was said "
-             "(tumbler-run --from): the nearest is off by";
+             "(tumbler run --from): the nearest is off by";
   }
   return "unknown refusal";
 }

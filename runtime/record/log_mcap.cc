@@ -60,7 +60,7 @@ RunMcapConfig ConfigOf(const LogMcapConfig& log) {
   if (facts.run) {
     config.joints = facts.run->joints;
     config.imagined_drives = facts.run->mode == "dry run";
-    config.about = {{"logged_by", "tumbler-run " + facts.run->version},
+    config.about = {{"logged_by", "tumbler run " + facts.run->version},
                     {"bus", facts.run->bus},
                     {"mode", facts.run->mode},
                     {"motion", facts.run->motion},

@@ -17,9 +17,7 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
-#include "common/files/command_line.h"
 #include "common/files/printable.h"
-#include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "runtime/executor/faults.h"
 #include "runtime/record/channels.h"
@@ -31,15 +29,6 @@
 
 namespace tumbler {
 namespace {
-
-constexpr const char* kLogFooter =
-    R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv and --mcap its events and a summary are printed.
-The columns of the table have their units in their names. Ticks that are missing are counted.
-
-Exit codes:
-  0  everything that was recorded is there
-  1  wrong usage, or a file that cannot be used
-  4  ticks are missing in the log, or events or messages in it are damaged or cut off)";
 
 struct CloseTable {
   void operator()(std::FILE* file) const noexcept { std::fclose(file); }
@@ -144,7 +133,7 @@ ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) 
   LogContents contents = ReadLog(path, out, csv, csv.empty() && !quiet);
   if (contents.states == 0) {
     throw std::runtime_error(
-        fmt::format("{}: has no message of tumbler-run on channel {}", path, kStateChannel));
+        fmt::format("{}: has no message of tumbler run on channel {}", path, kStateChannel));
   }
   if (out != nullptr && std::fflush(out) != 0)
     throw std::runtime_error(fmt::format("{}: could not be written whole", csv));
@@ -166,19 +155,12 @@ ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) 
                                                                       : ExitStatus::kDone;
 }
 
-struct LogExports {
-  std::string log;
-  std::string csv;
-  std::string mcap;
-  std::string motion;
-};
-
 /// Writes the log as MCAP. It is known to be one, with ticks.
 void ConvertToMcap(const LogExports& options, const PictureSource* pictures) {
   LogMcapConfig config;
   config.log = options.log;
   config.mcap = options.mcap;
-  config.program = "tumbler-log " TUMBLER_VERSION;
+  config.program = "tumbler record " TUMBLER_VERSION;
   if (!options.motion.empty()) {
     config.robot_of = [&](const std::vector<std::string>& joints) {
       return pictures->of_motion(options.motion, joints);
@@ -190,25 +172,7 @@ void ConvertToMcap(const LogExports& options, const PictureSource* pictures) {
 
 }  // namespace
 
-ExitStatus ShowLog(int argc, char** argv, const PictureSource* pictures) {
-  LogExports options;
-  CommandLine line("Shows an LCM log of tumbler-run, or converts it to CSV or MCAP.",
-                   "tumbler-log");
-  line.SetFooter(kLogFooter);
-  line.Option("LOG", options.log, "LCM log").Required();
-  line.Option("--csv", options.csv,
-              "write a table, one row a tick, to this file; - for standard output");
-  line.Option("--mcap", options.mcap, "write the run as MCAP for Foxglove and PlotJuggler");
-  line.Option("--motion", options.motion,
-              "with --mcap: the motion that was played, which has the robot that is drawn; a log "
-              "has none");
-  line.Parse(argc, argv);
-  if (!options.motion.empty() && options.mcap.empty())
-    throw UsageError("--motion", "needs --mcap, since nothing else has a robot in it");
-  if (!options.motion.empty() && pictures == nullptr)
-    throw UsageError("--motion", "this build cannot read robot files");
-  if (options.mcap == "-")
-    throw UsageError("--mcap", "needs the name of a file, not standard output");
+ExitStatus ShowLog(const LogExports& options, const PictureSource* pictures) {
   CheckDistinct({options.log, options.motion}, {options.csv, options.mcap});
   const ExitStatus status = Convert(options.log, options.csv, !options.mcap.empty());
   if (!options.mcap.empty()) ConvertToMcap(options, pictures);

@@ -201,7 +201,7 @@ std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
   take();
   if (count == 0) {
     throw RecordError(fmt::format(
-        "{}: has no true states of the robot; only `tumbler-run sim --record` records them",
+        "{}: has no true states of the robot; only `tumbler run sim --record` records them",
         record.name()));
   }
   WriteResult(csv_path, TruthCsvHeader(joints) + '\n' + rows);

@@ -24,7 +24,7 @@ RunDescription DescribeRun(const RecordConfiguration& configuration);
 /// @throws RecordError or FileError  naming the file that cannot be written.
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path);
 
-/// Writes the ticks of a record as tumbler-run's `--trace` and `--log` do. Either name may be
+/// Writes the ticks of a record as tumbler run's `--csv` and `--log` do. Either name may be
 /// empty.
 /// @returns the number of ticks.
 /// @throws std::runtime_error  naming the file that cannot be written.

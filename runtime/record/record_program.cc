@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +18,8 @@
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "runtime/record/flight_record.h"
+#include "runtime/record/log_program.h"
+#include "runtime/record/record_blocks.h"
 #include "runtime/record/record_export.h"
 #include "runtime/record/record_mcap.h"
 
@@ -22,23 +27,25 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kRecordFooter =
-    R"(Without an option: what the record holds, whether it is complete, and what is lost or damaged in it.
-A record that was cut off, or is damaged in part, is exported as far as it is whole.
+    R"(RECORD is a flight record (`tumbler run --record`), or an LCM log (`tumbler run --log`, or lcm-logger's): what is in
+the file tells which. Without an option: what it holds, whether it is complete, and what is lost or damaged in it; of a
+log its events, too. What was cut off, or is damaged in part, is exported as far as it is whole.
 
 Exit codes:
-  0  the record is whole, if perhaps cut off at its end
+  0  it is whole, if perhaps a record that was cut off at its end
   1  wrong usage, or a file that cannot be read or written
-  4  parts of it are damaged)";
+  4  parts of it are damaged; of a log, also: ticks are missing, or its end is cut off)";
 
 struct RecordExports {
   std::string record;
   std::string candump;
   std::string csv;
-  std::string lcm;
+  std::string log;
   std::string mcap;
   std::string truth;
+  std::string motion;  ///< Of a log.
 
-  [[nodiscard]] std::vector<std::string> All() const { return {candump, csv, lcm, mcap, truth}; }
+  [[nodiscard]] std::vector<std::string> All() const { return {candump, csv, log, mcap, truth}; }
 };
 
 ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
@@ -52,9 +59,9 @@ ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
   if (!options.candump.empty()) {
     fmt::print("{}: {} frames\n", options.candump, ExportCandump(record, options.candump));
   }
-  if (!(options.csv + options.lcm).empty()) {
-    const std::int64_t ticks = ExportTelemetry(record, options.csv, options.lcm);
-    for (const std::string& path : {options.csv, options.lcm}) {
+  if (!(options.csv + options.log).empty()) {
+    const std::int64_t ticks = ExportTelemetry(record, options.csv, options.log);
+    for (const std::string& path : {options.csv, options.log}) {
       if (!path.empty()) fmt::print("{}: {} ticks\n", path, ticks);
     }
   }
@@ -64,7 +71,7 @@ ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
     std::optional<RecordPicture> picture;
     if (pictures != nullptr) picture = pictures->of_record(options.record);
     const std::int64_t ticks =
-        ExportMcap(record, options.mcap, "tumbler-record " TUMBLER_VERSION, picture);
+        ExportMcap(record, options.mcap, "tumbler record " TUMBLER_VERSION, picture);
     fmt::print("{}: {} ticks{}\n", options.mcap, ticks,
                picture ? "" : ", without the robot, as this build cannot read robot files");
   }
@@ -76,32 +83,75 @@ ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
   return record.damages().empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
+/// Whether a file is an LCM log: events begin with four bytes that nothing else has. A log may be
+/// damaged where it begins.
+bool IsLog(std::span<const std::uint8_t> bytes) {
+  constexpr std::array<std::uint8_t, 4> kEvent = {0xED, 0xA1, 0xDA, 0x01};
+  constexpr std::size_t kBegin = 1U << 16U;
+  const auto begin = bytes.first(std::min(bytes.size(), kBegin));
+  return std::search(begin.begin(), begin.end(), kEvent.begin(), kEvent.end()) != begin.end();
+}
+
+/// What the file is, by its content. @throws RecordError when it is neither.
+bool IsLogRatherThanRecord(const std::string& path) {
+  const MappedFile file(path);
+  if (StartOf(file.bytes()) != RecordStart::kNotARecord) return false;
+  if (!IsLog(file.bytes())) throw RecordError(path + ": is neither a flight record nor an LCM log");
+  return true;
+}
+
+/// Of an LCM log. @throws UsageError when something is wanted that is in no log.
+ExitStatus ExportLog(const RecordExports& options, const PictureSource* pictures) {
+  for (const auto& [option, name] : {std::pair{"--candump", &options.candump},
+                                     {"--log", &options.log},
+                                     {"--truth-csv", &options.truth}}) {
+    if (!name->empty())
+      throw UsageError(option, "is for flight records, and " + options.record + " is an LCM log");
+  }
+  if (!options.motion.empty() && options.mcap.empty())
+    throw UsageError("--motion", "needs --mcap, since nothing else has a robot in it");
+  if (!options.motion.empty() && pictures == nullptr)
+    throw UsageError("--motion", "this build cannot read robot files");
+  return ShowLog({options.record, options.csv, options.mcap, options.motion}, pictures);
+}
+
 }  // namespace
 
 ExitStatus DescribeRecord(int argc, char** argv, const PictureSource* pictures) {
   RecordExports options;
-  CommandLine line("Says what a flight record of tumbler-run holds, and exports it.",
-                   "tumbler-record");
+  CommandLine line("Says what a flight record or an LCM log of a run holds, and exports it.",
+                   "tumbler record");
   line.SetFooter(kRecordFooter);
-  line.Option("RECORD", options.record, "flight record (tumbler-run --record)").Required();
-  line.Option("--candump", options.candump,
-              "write every frame as `candump -l` logs it, for canplayer and others");
-  line.Option("--csv", options.csv, "write every tick as CSV, as tumbler-run's --trace does");
-  line.Option("--lcm", options.lcm, "write every tick as an LCM log, as tumbler-run's --log");
+  line.Option("RECORD", options.record, "flight record, or LCM log").Required();
+  line.Option("--csv", options.csv,
+              "write every tick as CSV, as `tumbler run --csv` does; of a log also - for standard "
+              "output");
   line.Option(
       "--mcap", options.mcap,
       "write the run as MCAP for Foxglove and PlotJuggler: moving robot, joints, latencies, "
       "events");
+  line.Option("--candump", options.candump,
+              "of a flight record: write every frame as `candump -l` logs it, for canplayer and "
+              "others");
+  line.Option("--log", options.log,
+              "of a flight record: write every tick as an LCM log, as `tumbler run --log` does");
   line.Option("--truth-csv", options.truth,
-              "write every true state of a simulated robot as CSV: root and joints");
+              "of a flight record: write every true state of a simulated robot as CSV: root and "
+              "joints");
+  line.Option("--motion", options.motion,
+              "of a log, with --mcap: the motion that was played, which has the robot that is "
+              "drawn; a log has none");
   line.Parse(argc, argv);
   for (const auto& [option, name] : {std::pair{"--candump", &options.candump},
-                                     {"--csv", &options.csv},
-                                     {"--lcm", &options.lcm},
+                                     {"--log", &options.log},
                                      {"--mcap", &options.mcap},
                                      {"--truth-csv", &options.truth}}) {
     if (*name == "-") throw UsageError(option, "needs the name of a file, not standard output");
   }
+  if (IsLogRatherThanRecord(options.record)) return ExportLog(options, pictures);
+  if (!options.motion.empty())
+    throw UsageError("--motion", "is for LCM logs: a flight record has its own robot");
+  if (options.csv == "-") throw UsageError("--csv", "needs the name of a file for a flight record");
   return Export(options, pictures);
 }
 

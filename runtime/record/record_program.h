@@ -5,8 +5,8 @@
 
 namespace tumbler {
 
-/// The program tumbler-record: says what a flight record holds, and exports it. Throws as
-/// RunProgram (common/files/program.h) expects it.
+/// The program tumbler record: says what a flight record or an LCM log holds, and exports it.
+/// Throws as RunProgram (common/files/program.h) expects it.
 /// @param pictures  of robots, for MCAP; null where the build has none.
 ExitStatus DescribeRecord(int argc, char** argv, const PictureSource* pictures);
 

@@ -1,4 +1,4 @@
-// tumbler-ctl: sends an operator's requests to a running tumbler-run, and shows its state, over
+// tumbler ctl: sends an operator's requests to a running tumbler run, and shows its state, over
 // LCM.
 
 #include <fmt/format.h>
@@ -35,13 +35,13 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kFooter =
-    R"(It speaks with a tumbler-run that was started with the same --lcm-url, and says what became of the request.
+    R"(It speaks with a tumbler run that was started with the same --lcm-url, and says what became of the request.
 
-  start         begin a run, where tumbler-run was started with --attended and waits for it
+  start         begin a run, where tumbler run was started with --attended and waits for it
   branch NAME   take this branch of the sequence at the next chance
   finish        end at the next safe node, hold, torque off
   stop          brake at once within the limits, or abort the motion as its file says; the robot is then held where it
-                would drop (tumbler-run --end)
+                would drop (tumbler run --end)
   disarm        torque off at once, also of a robot that is held
   clear         forget latched faults, and let the drives forget theirs; only while disarmed
   status        what runs, once
@@ -52,7 +52,7 @@ and are obeyed without a key. The others want to be clear about which run is mea
 
 Exit codes:
   0  done
-  1  wrong usage, or no tumbler-run answers there
+  1  wrong usage, or no tumbler run answers there
   2  refused; the reason is printed
   3  a fault is latched (status)
   4  some run has taken it, but another one that is heard does not answer, as a log that is played
@@ -125,7 +125,7 @@ class Remote {
     }
     if (!Wait(2, [this] { return view_.state().has_value(); })) {
       if (view_.run() && view_.run()->checking)
-        throw std::runtime_error("its drives are being checked: `tumbler-ctl stop` ends that");
+        throw std::runtime_error("its drives are being checked: `tumbler ctl stop` ends that");
       throw Silent();
     }
   }
@@ -154,7 +154,7 @@ class Remote {
     if (answered()) return *view_.state();
     if (view_.run() && view_.run()->keyed) {
       throw std::runtime_error(
-          key_ ? "no answer: the run has a key (tumbler-run --key), which must be the same as here"
+          key_ ? "no answer: the run has a key (tumbler run --key), which must be the same as here"
                : "no answer: the run obeys this only when it is signed with its key: --key FILE");
     }
     throw Silent();
@@ -237,7 +237,7 @@ class Remote {
   }
   [[nodiscard]] std::runtime_error Silent() const {
     return std::runtime_error(
-        fmt::format("no answer on {}: is tumbler-run there, with --lcm-url {}?", url_, url_));
+        fmt::format("no answer on {}: is tumbler run there, with --lcm-url {}?", url_, url_));
   }
 
   /// A run says four times a second whose it is.
@@ -273,7 +273,7 @@ ExitStatus Armed(Remote& remote) {
       remote.view().state()->state != state_t::STATE_DISARMED) {
     return ExitStatus::kDone;
   }
-  fmt::print(stderr, "tumbler-ctl: the run was refused: {}\n", ToString(last));
+  fmt::print(stderr, "tumbler ctl: the run was refused: {}\n", ToString(last));
   return ExitStatus::kRefused;
 }
 
@@ -286,7 +286,7 @@ ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branc
     return command == command_t::START ? Armed(remote) : ExitStatus::kDone;
   }
   fmt::print(
-      stderr, "tumbler-ctl: {} refused: {} (state {})\n", name,
+      stderr, "tumbler ctl: {} refused: {} (state {})\n", name,
       refusal == Refusal::kNoSuchBranch ? fmt::format("no branch '{}'", branch) : ToString(refusal),
       ToString(static_cast<ExecutorState>(answer.state)));
   return ExitStatus::kRefused;
@@ -303,7 +303,7 @@ ExitStatus RequestRest(Remote& remote, OperatorRequest request) {
       fmt::print("{}: {}\n", name, asked.answer);
     } else {
       fmt::print(
-          stderr, "tumbler-ctl: {}: no answer{}\n", name,
+          stderr, "tumbler ctl: {}: no answer{}\n", name,
           rest.answered() == 0 ? "; does it still run?" : "; a log that is played gives none");
     }
   }
@@ -361,16 +361,16 @@ ExitStatus Main(int argc, char** argv) {
   std::string branch;
   std::string key_file;
   bool json = false;
-  CommandLine line("Asks a running tumbler-run for something, or shows what it does.",
-                   "tumbler-ctl");
+  CommandLine line("Asks a running tumbler run for something, or shows what it does.",
+                   "tumbler ctl");
   line.SetFooter(kFooter);
   line.RequireSubcommand();
   line.AllowOptionsAfterSubcommand();
-  line.Option("--lcm-url", url, "where tumbler-run publishes").LcmUrl().ShowDefault();
+  line.Option("--lcm-url", url, "where tumbler run publishes").LcmUrl().ShowDefault();
   line.Option("--robot", robot, "the robot's name, where several publish there");
   line.Option(
       "--key", key_file,
-      "the key of tumbler-run --key, to sign requests: start, branch and clear need it there");
+      "the key of tumbler run --key, to sign requests: start, branch and clear need it there");
   line.Subcommand("start", "begin a run");
   line.Subcommand("branch", "take a branch").Option("NAME", branch, "of it").Required();
   line.Subcommand("finish", "end at the next safe node");
@@ -405,5 +405,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-ctl", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler ctl", argc, argv, tumbler::Main);
 }

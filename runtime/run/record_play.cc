@@ -129,7 +129,7 @@ std::optional<RunSummary> PlayRecord(const RecordToPlay& record, RunOptions opti
     recorded.executor.branch = -1;
     if (LoadMotion(record.primitive).graph.edge_count > 0) {
       throw std::runtime_error(
-          fmt::format("{}: is a sequence; --primitive takes a primitive", record.primitive));
+          fmt::format("{}: is a sequence; --motion takes a primitive", record.primitive));
     }
   }
   options.speed = std::min(1.0, static_cast<double>(recorded.executor.speed));

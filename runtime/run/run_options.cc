@@ -21,7 +21,7 @@ constexpr const char* kFooter =
 On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
 `candump -l`.
 
-With --attended each run waits for `tumbler-ctl start`; Ctrl-C ends the program. With --latency-test there is neither
+With --attended each run waits for `tumbler ctl start`; Ctrl-C ends the program. With --latency-test there is neither
 BUS nor MOTION: the loop only sleeps and wakes, and how late it wakes is printed.
 
 In order: load, check, arm, move to the start, run, settle, hold, stop, disarm.
@@ -65,7 +65,7 @@ void DeclareMotion(CommandLine& line, RunOptions& options) {
 /// Declares the options about how it is played, and about outputs.
 void DeclareRun(CommandLine& line, RunOptions& options) {
   line.Flag("--attended", options.attended,
-            "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
+            "wait for `tumbler ctl start` before each run, until Ctrl-C; needs --lcm-url");
   line.Option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
       .Within(0.1, 1.0)
       .ShowDefault();
@@ -81,10 +81,10 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
   line.Option("--log", options.log, "write every tick to this LCM log");
   line.Option("--json", options.json,
               "write the summary as JSON to this file, or - for standard output");
-  line.Option("--trace", options.trace, "write every tick to this CSV file");
+  line.Option("--csv", options.trace, "write every tick to this CSV file");
   line.Option("--record", options.record,
-              "record the whole run in this file, which must not exist (see tumbler-record and "
-              "tumbler-replay)");
+              "record the whole run in this file, which must not exist (see tumbler record and "
+              "tumbler replay)");
   line.Option("--twin", options.twin,
               "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
               "motion has it");
@@ -112,7 +112,7 @@ void DeclareScheduling(CommandLine& line, RunOptions& options, ArmingNames& name
       .Within(-1, 1023)
       .ShowDefault();
   one(line.Option("--pace", options.pace,
-                  "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
+                  "for tumbler twin with the same --pace on a virtual interface: seconds of the "
                   "robot in a second of the clock"))
       .Within(0.05, 1.0)
       .ShowDefault();
@@ -185,7 +185,7 @@ void RefuseIgnored(const CommandLine& line, const RunOptions& options) {
   if (latency_test || !options.doctor.empty()) {
     refuse({"--drives", "--faults", "--bus-faults", "--arm", "--attended", "--speed", "--pace",
             "--hold-s", "--cycles", "--branch", "--from", "--get-ups", "--log", "--lcm-url",
-            "--key", "--trace", "--record", "--twin", "--truth"},
+            "--key", "--csv", "--record", "--twin", "--truth"},
            "is about playing a motion, which --latency-test and --doctor do not");
   }
   if (!latency_test) {
@@ -215,7 +215,7 @@ void DeclareArming(CommandLine& line, RunOptions& options, ArmingNames& names,
           "--end", names.end,
           "what is done at the end with a robot that would drop without torque: safe (the way "
           "to a safe node, else hold), lower (the stiffness fades away in 2 s), hold (until told "
-          "to disarm: Ctrl-C, tumbler-ctl disarm) or torque-off; by default what the motion's "
+          "to disarm: Ctrl-C, tumbler ctl disarm) or torque-off; by default what the motion's "
           "file says, and safe where it says nothing"))
       .OneOf({kRunEndNames.begin(), kRunEndNames.end()});
   one(line.Option("--from", options.from,
@@ -232,10 +232,10 @@ void DeclareArming(CommandLine& line, RunOptions& options, ArmingNames& names,
       .LcmUrl();
   one(line.Option("--key", options.key,
                   "of --lcm-url: a file with a key; start, branch and clear have to be signed with "
-                  "it (tumbler-ctl --key)"));
+                  "it (tumbler ctl --key)"));
   one(line.Option(
       "--robot", options.robot,
-      "the robot's name in messages, for tumbler-ctl --robot; by default this computer's"));
+      "the robot's name in messages, for tumbler ctl --robot; by default this computer's"));
 }
 
 void TakeArming(const CommandLine& line, const ArmingNames& names, RunOptions& options) {
@@ -260,7 +260,7 @@ void TakeArming(const CommandLine& line, const ArmingNames& names, RunOptions& o
 RunOptions ReadRunOptions(int argc, char** argv) {
   RunOptions options;
   CommandLine line("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
-                   "tumbler-run");
+                   "tumbler run");
   line.SetFooter(kFooter);
   ArmingNames names;
   DeclareMotion(line, options);
@@ -284,13 +284,13 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
   }
   if (!options.simulated() && !(options.twin.empty() && options.truth.empty())) {
     throw std::runtime_error(fmt::format(
-        "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
+        "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler twin",
         options.bus));
   }
   if (!options.pose_file.empty() && !options.drives_motors())
     throw std::runtime_error("--pose is for an armed run on an interface");
   if (options.pace != 1 && (options.simulated() || options.dry_run())) {
-    throw std::runtime_error("--pace is for an armed run on tumbler-twin");
+    throw std::runtime_error("--pace is for an armed run on tumbler twin");
   }
   if (options.cycles != 0 && graph.edge_count == 0) {
     throw UsageError("--cycles", fmt::format("is for sequences that go round; {} ends by itself",
@@ -299,7 +299,7 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
   if (options.checks_drives() && !options.drives_motors()) {
     throw std::runtime_error(
         "--check-identity and --prove-watchdog move the motors: they take an interface and --arm "
-        "(simulated drives: tumbler-bench sim)");
+        "(simulated drives: tumbler bench sim)");
   }
   if (options.checks_drives() && options.pace != 1)
     throw std::runtime_error("--check-identity and --prove-watchdog keep the drives' own pace");

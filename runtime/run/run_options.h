@@ -15,7 +15,7 @@ class CommandLineOption;
 
 /// What a run is told by its command line. An empty name leaves the file or output out.
 struct RunOptions {
-  std::string program = "tumbler-run";  ///< Whose run it is, for messages and records.
+  std::string program = "tumbler run";  ///< Whose run it is, for messages and records.
   std::string bus;
   std::string motion;
   std::string drives;
@@ -93,7 +93,7 @@ void DeclareArming(CommandLine& line, RunOptions& options, ArmingNames& names,
 /// @throws UsageError, std::runtime_error  about options that do not go together.
 void TakeArming(const CommandLine& line, const ArmingNames& names, RunOptions& options);
 
-/// Reads the command line of tumbler-run, and makes the checks that do not depend on the motion.
+/// Reads the command line of tumbler run, and makes the checks that do not depend on the motion.
 /// @throws UsageError, HelpWanted; std::runtime_error saying what to change.
 [[nodiscard]] RunOptions ReadRunOptions(int argc, char** argv);
 

@@ -495,7 +495,7 @@ void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& pro
   if (!options.drives_motors() || procedure.end_hold_ticks >= 0 || options.attended) return;
   fmt::print(stderr,
              "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
-             "or `tumbler-ctl disarm` (--end torque-off does without)\n");
+             "or `tumbler ctl disarm` (--end torque-off does without)\n");
 }
 
 /// How long a tick takes by the clock.
@@ -508,7 +508,7 @@ void CheckPeriod(std::int64_t period_ns, const RunOptions& options, const RunSou
   if (source.recorded->period_ns == period_ns) return;
   throw Refused(fmt::format(
       "{}: rate_hz gives {:.6g} ticks a second, but the record has {:.6g}: its setpoints belong to "
-      "its ticks (a run on tumbler-twin with --pace is repeated with the same --pace)",
+      "its ticks (a run on tumbler twin with --pace is repeated with the same --pace)",
       options.drives, 1e9 / static_cast<double>(period_ns),
       1e9 / static_cast<double>(source.recorded->period_ns)));
 }

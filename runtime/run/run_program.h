@@ -36,7 +36,7 @@ struct RunSource {
 [[nodiscard]] std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulation,
                                                 const RunSource& source = {});
 
-/// The program tumbler-run (docs/runtime.md): reads the command line, runs, and reports the
+/// The program tumbler run (docs/runtime.md): reads the command line, runs, and reports the
 /// outcome. Throws as RunProgram (common/files/program.h) expects it.
 /// @param simulation  makes the bus `sim`; null where the build has none.
 ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation);

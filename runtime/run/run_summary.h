@@ -132,7 +132,7 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
 std::string ToText(const RunSummary& summary);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunSummary& summary);
-/// The exit status of tumbler-run. It is kAmiss when the motion was completed, but the robot fell
+/// The exit status of tumbler run. It is kAmiss when the motion was completed, but the robot fell
 /// and got up, or the simulated robot fell, missed what the motion is for, or is not where the
 /// primitive says, or the run ended before that could be judged, or a file of the run is not whole.
 ExitStatus StatusOf(const RunSummary& summary);

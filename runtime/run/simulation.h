@@ -16,7 +16,7 @@ namespace tumbler {
 /// Takes the true states of a simulated robot, as LCM messages truth_t.
 using TruthSink = std::function<void(std::span<const std::uint8_t>)>;
 
-/// The options of `tumbler-run sim`. An empty name leaves the file or output out.
+/// The options of `tumbler run sim`. An empty name leaves the file or output out.
 struct SimulatedWorldConfig {
   /// File about the real robot (docs/formats.md). Without it the robot is that of the motion.
   std::string twin_file;

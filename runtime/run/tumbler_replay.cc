@@ -1,4 +1,4 @@
-// tumbler-replay: repeats a recorded run, at a desk or on a bus.
+// tumbler replay: repeats a recorded run, at a desk or on a bus.
 
 #include <fmt/format.h>
 
@@ -34,14 +34,14 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kReplayFooter =
-    R"(RECORD is a flight record of tumbler-run, or a log of `candump -l`.
+    R"(RECORD is a flight record of tumbler run, or a log of `candump -l`.
 
 Of a record, without --bus or --against: feeds the recorded inputs to an executor with the recorded configuration, and
 compares every frame and every field that comes out. A record that was cut off is replayed up to there.
 
 --bus BUS plays the record's setpoints on a SocketCAN interface, at their times: the recorded motion on the drives
 there, from where their joints are, with the operator's recorded wishes. Replies are compared with the recorded ones.
-Without --arm nothing is sent: the frames are printed in the format of `candump -l`. It is armed as tumbler-run is:
+Without --arm nothing is sent: the frames are printed in the format of `candump -l`. It is armed as tumbler run is:
 drives, settings of safety and the pose are those of now. A setting that was milder in the recorded run is refused
 until an option says which is to hold; a stricter one holds.
 
@@ -259,7 +259,7 @@ ExitStatus Run(const Options& options) {
 
 ExitStatus Main(int argc, char** argv) {
   Options options;
-  CommandLine line("Replays a flight record of tumbler-run.", "tumbler-replay");
+  CommandLine line("Replays a flight record of tumbler run.", "tumbler replay");
   line.SetFooter(kReplayFooter);
   line.Option("RECORD", options.record, "flight record, or log of candump").Required();
   CommandLineOption against =
@@ -273,7 +273,7 @@ ExitStatus Main(int argc, char** argv) {
       "drives file: of a log, or of the bus; a dry run takes that of the record without it");
   line.Option("--interface", options.interface,
               "of a log of several interfaces: that of the drives, such as can0");
-  line.Option("--primitive", options.primitive, "play this primitive instead of the recorded")
+  line.Option("--motion", options.primitive, "play this primitive instead of the recorded")
       .Needs(bus);
   line.Option("--record", options.run.record, "keep the record of the play in this file")
       .Needs(bus);
@@ -282,7 +282,7 @@ ExitStatus Main(int argc, char** argv) {
   DeclareArming(line, options.run, names, &bus);
   line.Parse(argc, argv);
   TakeArming(line, names, options.run);
-  options.run.program = "tumbler-replay";
+  options.run.program = "tumbler replay";
   options.run.command_line.assign(argv, argv + argc);
   if (options.run.simulated()) {
     throw UsageError("--bus", "is sim; a record is played on a SocketCAN interface, such as can0");
@@ -295,5 +295,5 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-replay", argc, argv, tumbler::Main);
+  return tumbler::RunProgram("tumbler replay", argc, argv, tumbler::Main);
 }

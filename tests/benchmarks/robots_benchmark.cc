@@ -128,7 +128,7 @@ int Main(int argc, char** argv) {
   const auto add = [](const std::string& name, auto measure) {
     benchmark::RegisterBenchmark(name.c_str(), measure)->Unit(benchmark::kMillisecond)->MinTime(4);
   };
-  add("twin, as tumbler-robustness plays it", [&](benchmark::State& state) {
+  add("twin, as tumbler robustness plays it", [&](benchmark::State& state) {
     Measure(state, 1, [&] { benchmark::DoNotOptimize(twin.Play(next++)); });
   });
   const LaneTrials lanes(Handstands());

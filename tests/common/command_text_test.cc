@@ -59,6 +59,8 @@ TEST(CommandText, HelpIsAHundredCharactersWideWhereWordsCanBeSplit) {
   for (std::string line; std::getline(help, line);) widest = std::max(widest, line.size());
   EXPECT_LE(widest, 100);
   EXPECT_GT(widest, 90);
+  std::istringstream narrow(HelpText(player, 72));
+  for (std::string line; std::getline(narrow, line);) EXPECT_LE(line.size(), 72U) << line;
 }
 
 TEST(CommandText, EndsOfLinesInAParagraphOfTheSourceAreNotThoseOfTheHelp) {
@@ -82,6 +84,20 @@ TEST(CommandText, ManualPageHasNoLineThatTroffTakesForARequestOrAnEscape) {
   EXPECT_THAT(page, HasSubstr("\\&.dots\\eand\\(aqquotes"));
   EXPECT_THAT(page, HasSubstr("\\fB\\-m\\fR, \\fB\\-\\-mode\\fR \\fITEXT\\fR"));
   EXPECT_THAT(page, Not(HasSubstr("\n.dots")));
+}
+
+TEST(CommandText, ANameOfSeveralWordsIsThatOfAPageWithoutSpacesAndOfAFunctionOfTheCompletion) {
+  CommandDescription player = Player();
+  player.name = "tumbler play";
+  EXPECT_THAT(HelpText(player), HasSubstr("Usage: tumbler play [OPTIONS] MOTION\n"));
+  const std::string page = ManPage(player, "1");
+  EXPECT_THAT(page, HasSubstr(".TH TUMBLER\\-PLAY 1 "));
+  EXPECT_THAT(page,
+              HasSubstr("\ntumbler\\-play \\- Plays a motion\n.SH SYNOPSIS\n.B tumbler play "));
+  EXPECT_THAT(BashCompletion(player), HasSubstr("\n_tumbler_play() {\n"));
+  EXPECT_THAT(BashCompletion(player), Not(HasSubstr("complete -o")));
+  EXPECT_THAT(BashCompletion(Player()),
+              HasSubstr("complete -o default -F _tumbler_play tumbler-play\n"));
 }
 
 TEST(CommandText, AFirstSentenceEndsWhereTheNextOneBegins) {

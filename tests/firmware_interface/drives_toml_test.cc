@@ -439,7 +439,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"HalfDone",
                 "version = 1",
                 "version = 1\nunfinished = \"zero of leg2 not set\"",
-                {"unfinished: says 'zero of leg2 not set'", "tumbler-bench BUS commission"}},
+                {"unfinished: says 'zero of leg2 not set'", "tumbler bench BUS commission"}},
         Refusal{"HalfDoneWithoutReason",
                 "version = 1",
                 "version = 1\nunfinished = \"\"",

@@ -1,4 +1,4 @@
-"""The description that tumbler-bench writes of a robot's own drives, read by canmatrix, decodes what was on the bus.
+"""The description that tumbler bench writes of a robot's own drives, read by canmatrix, decodes what was on the bus.
 
 A run is recorded on the simulated bus with drives of other numbers and ranges than the examples'. Its setpoints and
 replies, decoded from the log of frames, have to be the positions that the table of ticks has.
@@ -93,12 +93,12 @@ class OwnDbc(unittest.TestCase):
             drives.write_text(text)
 
             def run(program, *arguments):
-                done = subprocess.run([BIN / program, *arguments], capture_output=True, text=True)
+                done = subprocess.run([BIN / "tumbler", *program.split()[1:], *arguments], capture_output=True, text=True)
                 self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
-            run("tumbler-bench", "sim", "dbc", "--drives", drives, "--write", folder / "own.dbc")
-            run("tumbler-run", "sim", ROOT / "primitives/nominal/handstand.toml", "--drives", drives, "--record", folder / "run.rec")
-            run("tumbler-record", folder / "run.rec", "--csv", folder / "run.csv", "--candump", folder / "run.log")
+            run("tumbler bench", "sim", "dbc", "--drives", drives, "--out", folder / "own.dbc")
+            run("tumbler run", "sim", ROOT / "primitives/nominal/handstand.toml", "--drives", drives, "--record", folder / "run.rec")
+            run("tumbler record", folder / "run.rec", "--csv", folder / "run.csv", "--candump", folder / "run.log")
             own = canmatrix.formats.loadp_flat(str(folder / "own.dbc"))
             decoded = {}
             for identifier, data in frames(folder / "run.log"):

@@ -1,4 +1,4 @@
-// MCAP files of tumbler-record and tumbler-log, read by the reference reader and compared with the tables of the same run.
+// MCAP files of tumbler record, of records and of logs, read by the reference reader and compared with the tables of the same run.
 //
 //   node read_back_test.mjs PROGRAMS SOURCES PACKAGES
 //
@@ -24,8 +24,10 @@ after(() => fs.rmSync(folder, { recursive: true }));
 const at = (name) => path.join(folder, name);
 const source = (name) => path.join(sources, name);
 
-function run(program, ...options) {
-  const done = spawnSync(path.join(programs, program), options, { encoding: "utf8", cwd: folder });
+/** Runs a command such as `tumbler run`. */
+function run(command, ...options) {
+  const [program, ...words] = command.split(" ");
+  const done = spawnSync(path.join(programs, program), [...words, ...options], { encoding: "utf8", cwd: folder });
   return { status: done.status, text: done.stdout + done.stderr };
 }
 function runWell(program, ...options) {
@@ -81,9 +83,9 @@ const nanoseconds = (seconds) => BigInt(Math.round(Number(seconds) * 1e9));
 
 // One gait on the simulated bus, with the twin's truth.
 const gait = source("primitives/nominal/gait.toml");
-runWell("tumbler-run", "sim", gait, "--cycles", "1", "--branch", "roll", "--record", at("gait.rec"), "--log",
+runWell("tumbler run", "sim", gait, "--cycles", "1", "--branch", "roll", "--record", at("gait.rec"), "--log",
   at("gait.lcm"), "--truth", at("truth.lcm"));
-runWell("tumbler-record", at("gait.rec"), "--mcap", at("gait.mcap"), "--csv", at("gait.csv"), "--truth-csv",
+runWell("tumbler record", at("gait.rec"), "--mcap", at("gait.mcap"), "--csv", at("gait.csv"), "--truth-csv",
   at("truth.csv"));
 const file = await readMcap(at("gait.mcap"));
 const ticks = readCsv(at("gait.csv"));
@@ -309,12 +311,12 @@ test("All checksums, counts and indexes of a file hold", () => {
 });
 
 test("The same record gives the same bytes", () => {
-  runWell("tumbler-record", at("gait.rec"), "--mcap", at("again.mcap"));
+  runWell("tumbler record", at("gait.rec"), "--mcap", at("again.mcap"));
   assert.ok(fs.readFileSync(at("gait.mcap")).equals(fs.readFileSync(at("again.mcap"))));
 });
 
 test("The telemetry's log gives the same ticks, joints and events as the record", async () => {
-  runWell("tumbler-log", at("gait.lcm"), "--mcap", at("log.mcap"));
+  runWell("tumbler record", at("gait.lcm"), "--mcap", at("log.mcap"));
   const log = await readMcap(at("log.mcap"));
   assert.deepEqual(Object.keys(log.topics).sort(), ["/joint/leg1", "/joint/leg2", "/log", "/run", "/tick"]);
   for (const topic of ["/tick", "/log", "/joint/leg1", "/joint/leg2"]) {
@@ -329,12 +331,12 @@ test("A log with the truth in it shows the robot of the motion where it was, and
   async () => {
     // lcm-logger writes all channels into one file.
     fs.writeFileSync(at("both.lcm"), Buffer.concat([fs.readFileSync(at("gait.lcm")), fs.readFileSync(at("truth.lcm"))]));
-    runWell("tumbler-log", at("both.lcm"), "--mcap", at("both.mcap"), "--motion", gait);
+    runWell("tumbler record", at("both.lcm"), "--mcap", at("both.mcap"), "--motion", gait);
     const both = await readMcap(at("both.mcap"));
     const truth = truths[Math.round(truths.length / 2)];
     const root = transformsAt(both, nanoseconds(truth.time_s))["true/middle"];
     assert.equal(root.translation.x, Number(truth.root_x_m));
-    runWell("tumbler-log", at("gait.lcm"), "--mcap", at("joints.mcap"), "--motion", gait);
+    runWell("tumbler record", at("gait.lcm"), "--mcap", at("joints.mcap"), "--motion", gait);
     const alone = await readMcap(at("joints.mcap"));
     const frames = transformsAt(alone, nanoseconds(truth.time_s));
     assert.deepEqual(Object.keys(frames).sort(), ["measured/leg1_link", "measured/leg2_link"]);
@@ -361,9 +363,9 @@ function planFromTruth(read) {
 }
 
 test("Joints without a motor have a truth, frames, and carry what is measured", async () => {
-  runWell("tumbler-optimize", source("tests/data/tasks/whip.toml"), "--quiet", "--out", at("whip.toml"));
-  runWell("tumbler-run", "sim", at("whip.toml"), "--record", at("whip.rec"));
-  runWell("tumbler-record", at("whip.rec"), "--mcap", at("whip.mcap"), "--truth-csv", at("whip.csv"));
+  runWell("tumbler optimize", source("tests/data/tasks/whip.toml"), "--quiet", "--out", at("whip.toml"));
+  runWell("tumbler run", "sim", at("whip.toml"), "--record", at("whip.rec"));
+  runWell("tumbler record", at("whip.rec"), "--mcap", at("whip.mcap"), "--truth-csv", at("whip.csv"));
   const read = await readMcap(at("whip.mcap"));
   const rows = readCsv(at("whip.csv"));
   let most = 0;
@@ -390,9 +392,9 @@ test("The plan is about where the simulated robot goes, also of a robot whose ro
   const bare = middle.replace(/<(visual|collision)>[^]*?<\/\1>/g, "");
   assert.notEqual(bare, middle);
   fs.writeFileSync(at("bare.toml"), motion.replace(middle, bare));
-  runWell("tumbler-sign", at("bare.toml"), "--because", "nothing is drawn of the root");
-  runWell("tumbler-run", "sim", at("bare.toml"), "--record", at("bare.rec"));
-  runWell("tumbler-record", at("bare.rec"), "--mcap", at("bare.mcap"));
+  runWell("tumbler sign", at("bare.toml"), "--because", "nothing is drawn of the root");
+  runWell("tumbler run", "sim", at("bare.toml"), "--record", at("bare.rec"));
+  runWell("tumbler record", at("bare.rec"), "--mcap", at("bare.mcap"));
   for (const read of [file, await readMcap(at("bare.mcap"))]) {
     const { root_m, angle_rad, compared } = planFromTruth(read);
     assert.ok(compared > 1000, `${compared} frames`);
@@ -431,7 +433,7 @@ test("The imagined drives of a dry run have measured nothing", async () => {
   record.writeUInt32LE(crc32(content), 32);
   record.writeUInt32LE(crc32(record.subarray(16, 36)), 36);
   fs.writeFileSync(at("dry.rec"), record);
-  run("tumbler-record", at("dry.rec"), "--mcap", at("dry.mcap"));
+  run("tumbler record", at("dry.rec"), "--mcap", at("dry.mcap"));
   const dry = await readMcap(at("dry.mcap"));
   assert.equal(dry.metadata.run.dry_run, "yes");
   assert.equal(dry.topics["/tick"].length, ticks.length);
@@ -444,7 +446,7 @@ test("The imagined drives of a dry run have measured nothing", async () => {
 
 test("Where nothing is known of the true robot, the measured joints are on the planned root", async () => {
   fs.writeFileSync(at("no_truth.rec"), withoutBlocks(fs.readFileSync(at("gait.rec")), 6));
-  const done = run("tumbler-record", at("no_truth.rec"), "--mcap", at("no_truth.mcap"));
+  const done = run("tumbler record", at("no_truth.rec"), "--mcap", at("no_truth.mcap"));
   assert.equal(done.status, 4, done.text);
   const read = await readMcap(at("no_truth.mcap"));
   assert.equal(read.topics["/tick"].length, ticks.length);
@@ -452,7 +454,7 @@ test("Where nothing is known of the true robot, the measured joints are on the p
   const frames = transformsAt(read, read.statistics.messageEndTime);
   assert.equal(frames["true/middle"], undefined);
   assert.equal(frames["measured/leg1_link"].parent_frame_id, "planned/middle");
-  const refused = run("tumbler-record", at("no_truth.rec"), "--truth-csv", at("no_truth.csv"));
+  const refused = run("tumbler record", at("no_truth.rec"), "--truth-csv", at("no_truth.csv"));
   assert.equal(refused.status, 1);
   assert.match(refused.text, /has no true states of the robot/);
   assert.ok(!fs.existsSync(at("no_truth.csv")));
@@ -461,13 +463,13 @@ test("Where nothing is known of the true robot, the measured joints are on the p
 test("A record that was cut off is written up to there, and one without its configuration is refused", async () => {
   const record = fs.readFileSync(at("gait.rec"));
   fs.writeFileSync(at("cut.rec"), record.subarray(0, record.length / 2));
-  runWell("tumbler-record", at("cut.rec"), "--mcap", at("cut.mcap"));
+  runWell("tumbler record", at("cut.rec"), "--mcap", at("cut.mcap"));
   const { length } = (await readMcap(at("cut.mcap"))).topics["/tick"];
   assert.ok(length > 1000 && length < ticks.length, `${length} ticks`);
   for (const [name, bytes, message] of [["short.rec", record.subarray(0, 900), /short\.rec: /],
     ["empty.rec", Buffer.alloc(0), /empty\.rec: /], ["other.rec", fs.readFileSync(gait), /other\.rec: /]]) {
     fs.writeFileSync(at(name), bytes);
-    const done = run("tumbler-record", at(name), "--mcap", at("refused.mcap"));
+    const done = run("tumbler record", at(name), "--mcap", at("refused.mcap"));
     assert.equal(done.status, 1, done.text);
     assert.match(done.text, message);
     assert.ok(!fs.existsSync(at("refused.mcap")));
@@ -477,13 +479,13 @@ test("A record that was cut off is written up to there, and one without its conf
 test("No output replaces an input or another output", () => {
   const before = fs.readFileSync(at("gait.rec"));
   for (const options of [["gait.rec", "--mcap", "./gait.rec"], ["gait.rec", "--mcap", "x.out", "--csv", "x.out"]]) {
-    const done = run("tumbler-record", ...options);
+    const done = run("tumbler record", ...options);
     assert.equal(done.status, 1, done.text);
   }
-  assert.equal(run("tumbler-log", "gait.lcm", "--mcap", "gait.lcm").status, 1);
+  assert.equal(run("tumbler record", "gait.lcm", "--mcap", "gait.lcm").status, 1);
   fs.copyFileSync(gait, at("motion.toml"));
-  assert.equal(run("tumbler-log", "gait.lcm", "--motion", "motion.toml", "--mcap", "motion.toml").status, 1);
-  assert.equal(run("tumbler-log", "gait.lcm", "--motion", gait).status, 1);
+  assert.equal(run("tumbler record", "gait.lcm", "--motion", "motion.toml", "--mcap", "motion.toml").status, 1);
+  assert.equal(run("tumbler record", "gait.lcm", "--motion", gait).status, 1);
   assert.ok(before.equals(fs.readFileSync(at("gait.rec"))));
   assert.ok(!fs.existsSync(at("x.out")));
 });
@@ -491,18 +493,18 @@ test("No output replaces an input or another output", () => {
 test("A file that cannot be whole is not there, and the one before it stays", () => {
   fs.mkdirSync(at("full"));
   fs.writeFileSync(at("full/run.mcap"), "before");
-  const limited = spawnSync("sh", ["-c", 'ulimit -f 2000; exec "$0" "$@"', path.join(programs, "tumbler-record"),
-    at("gait.rec"), "--mcap", at("full/run.mcap")], { encoding: "utf8" });
+  const limited = spawnSync("sh", ["-c", 'ulimit -f 2000; exec "$0" "$@"', path.join(programs, "tumbler"),
+    "record", at("gait.rec"), "--mcap", at("full/run.mcap")], { encoding: "utf8" });
   assert.equal(limited.status, 1, limited.stderr);
   assert.match(limited.stderr, /run\.mcap: cannot be written: /);
   assert.deepEqual(fs.readdirSync(at("full")), ["run.mcap"]);
   assert.equal(fs.readFileSync(at("full/run.mcap"), "utf8"), "before");
-  assert.match(run("tumbler-record", at("gait.rec"), "--mcap", at("full")).text, /is a directory/);
+  assert.match(run("tumbler record", at("gait.rec"), "--mcap", at("full")).text, /is a directory/);
 });
 
 test("Ctrl-C in the middle leaves nothing behind", async () => {
   fs.mkdirSync(at("ended"));
-  const child = spawn(path.join(programs, "tumbler-record"), [at("gait.rec"), "--mcap", at("ended/run.mcap")]);
+  const child = spawn(path.join(programs, "tumbler"), ["record", at("gait.rec"), "--mcap", at("ended/run.mcap")]);
   const ended = new Promise((resolve) => child.on("exit", (status, signal) => resolve({ status, signal })));
   // The file is open under no name while it is written.
   const writes = () => {

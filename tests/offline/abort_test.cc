@@ -346,7 +346,7 @@ TEST(AbortProgram, PrintsTheTableAndWritesItOnlyWhenToldTo) {
   const std::string file = folder / "handstand.toml";
   const std::string shipped = testing::ReadFile(Shipped("handstand"));
   testing::WriteFile(file, shipped);
-  const std::vector<std::string> arguments = {"tumbler-abort", file,  "--robots", "2",
+  const std::vector<std::string> arguments = {"tumbler abort", file,  "--robots", "2",
                                               "--step",        "0.3", "--json",   "-"};
   const testing::Outcome looked = testing::RunProgram(arguments);
   EXPECT_EQ(looked.exit_code, 0) << looked.text;
@@ -358,7 +358,7 @@ TEST(AbortProgram, PrintsTheTableAndWritesItOnlyWhenToldTo) {
   const testing::Outcome wrote = testing::RunProgram(writing);
   EXPECT_EQ(wrote.exit_code, 0) << wrote.text;
   EXPECT_THAT(wrote.text, HasSubstr("wrote the table into " + file));
-  const testing::Outcome checked = testing::RunProgram({"tumbler-abort", file, "--check", "4"});
+  const testing::Outcome checked = testing::RunProgram({"tumbler abort", file, "--check", "4"});
   EXPECT_EQ(checked.exit_code, 0) << checked.text;
   EXPECT_THAT(checked.text, HasSubstr("setpoints outside their limits: 0"));
 }
@@ -366,7 +366,7 @@ TEST(AbortProgram, PrintsTheTableAndWritesItOnlyWhenToldTo) {
 TEST(AbortProgram, SaysWhatItCannotDo) {
   const auto refused = [](const std::vector<std::string>& arguments, int status,
                           const char* problem) {
-    std::vector<std::string> all = {"tumbler-abort"};
+    std::vector<std::string> all = {"tumbler abort"};
     all.insert(all.end(), arguments.begin(), arguments.end());
     const testing::Outcome outcome = testing::RunProgram(all);
     EXPECT_EQ(outcome.exit_code, status) << outcome.text;
@@ -389,7 +389,7 @@ TEST(AbortProgram, AnInterruptedOneWritesNothing) {
   const std::string file = folder / "roll.toml";
   const std::string shipped = testing::ReadFile(Shipped("roll"));
   testing::WriteFile(file, shipped);
-  testing::Program program({testing::ProgramPath("tumbler-abort"), file, "--write", "--robots",
+  testing::Program program({testing::ProgramPath("tumbler abort"), file, "--write", "--robots",
                             "500", "--threads", "1"});
   ASSERT_TRUE(program.WaitFor("aborts"));
   program.Signal(SIGINT);

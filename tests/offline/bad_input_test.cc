@@ -35,7 +35,7 @@ using testing::Replaced;
 using testing::ShippedRobot;
 using testing::TaskFolder;
 
-const std::string kProgram = testing::ProgramPath("tumbler-optimize");
+const std::string kProgram = testing::ProgramPath("tumbler optimize");
 
 std::string WithoutAll(const std::string& text, const std::string& part) {
   return testing::ReplacedAll(text, part, "");
@@ -129,7 +129,7 @@ TEST_F(BadInputFolder, TheChecksOfARobotSayTheSame) {
   for (const BadInput& input : BadInputs()) {
     if (input.is_task() || !input.message.starts_with(input.name)) continue;
     SCOPED_TRACE(input.name);
-    Program program({testing::ProgramPath("tumbler-model"), "check", folder_ / input.name});
+    Program program({testing::ProgramPath("tumbler model"), "check", folder_ / input.name});
     const int status = program.Wait();
     const std::string text = WithoutFolder(program.text());
     // Where robots in general may have something that those of tasks may not, the table of the

@@ -337,7 +337,7 @@ TEST(SimulateChain, LegsThatGoThroughEachOtherAreAFailure) {
 // ---- The program --------------------------------------------------------------------------------
 
 testing::Outcome Chain(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), "tumbler-chain");
+  arguments.insert(arguments.begin(), "tumbler chain");
   return testing::RunProgram(arguments);
 }
 

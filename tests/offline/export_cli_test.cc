@@ -1,4 +1,4 @@
-// tumbler-export as a user meets it. motion_header_test and, for the nominal gait, cortex_m_test
+// tumbler export as a user meets it. motion_header_test and, for the nominal gait, cortex_m_test
 // compare the compiled values with those of the loader.
 
 #include <gmock/gmock-more-matchers.h>
@@ -27,7 +27,7 @@ using testing::WriteFile;
 
 Outcome Export(const std::string& motion, const std::string& header,
                const std::string& name = "motion") {
-  return testing::RunProgram({"tumbler-export", motion, "--header", header, "--namespace", name});
+  return testing::RunProgram({"tumbler export", motion, "--header", header, "--namespace", name});
 }
 
 std::string Header(const SequenceFolder& folder) { return folder.file().parent_path() / "out.h"; }

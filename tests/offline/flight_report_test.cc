@@ -47,7 +47,7 @@ const std::string kGait = testing::SourcePath("primitives/nominal/gait.toml");
 struct Records {
   Records() {
     const auto simulate = [](const std::string& arguments, int exit_code) {
-      const Outcome outcome = RunInShell("tumbler-run sim " + arguments);
+      const Outcome outcome = RunInShell("tumbler run sim " + arguments);
       EXPECT_EQ(outcome.exit_code, exit_code) << outcome.text;
     };
     simulate(std::string(kHandstand) + " --hold-s 0.1 --record " + handstand + " --truth " + truth,
@@ -471,7 +471,7 @@ TEST(FlightReport, RunsOfDifferentRobotsAreRefused) {
 class ReportProgram : public ::testing::Test {
  protected:
   [[nodiscard]] Outcome Report(const std::string& arguments) const {
-    return RunInShell("tumbler-report " + arguments + " --out " + out_);
+    return RunInShell("tumbler view " + arguments + " --out " + out_);
   }
   /// Expects a refusal with this in its message, and nothing written.
   void ExpectRefused(const std::string& arguments, const std::string& part) const {
@@ -496,6 +496,24 @@ TEST_F(ReportProgram, WritesOnePageOfRecordsAndPrimitives) {
   // The same files give the same page.
   EXPECT_EQ(Report(Recorded().handstand + " " + Recorded().weak + " " + kHandstand).exit_code, 0);
   EXPECT_EQ(ReadFile(out_ + "/index.html"), page);
+}
+
+TEST_F(ReportProgram, WritesAPageOfTheNameThatItIsGiven) {
+  ASSERT_EQ(Report(Recorded().handstand).exit_code, 0);
+  const std::string named = folder_ / "new/run.html";
+  const Outcome outcome = RunInShell("tumbler view " + Recorded().handstand + " --out " + named);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("wrote " + named));
+  EXPECT_EQ(ReadFile(named), ReadFile(out_ + "/index.html"));
+}
+
+TEST_F(ReportProgram, WantsOneRecordInABrowserAndTakesOptionsOfThePageOnlyWithOne) {
+  const std::string& record = Recorded().handstand;
+  for (const std::string& arguments :
+       {record + " " + record, record + " --from-s 1", record + " --truth " + Recorded().truth,
+        std::string("--lcm-url 'udpm://239.255.76.67:7667?ttl=0' --out ") + out_, std::string()}) {
+    EXPECT_EQ(RunInShell("tumbler view " + arguments).exit_code, 1) << arguments;
+  }
 }
 
 TEST_F(ReportProgram, ARecordThatWasCutOffIsShownUpToThere) {
@@ -523,8 +541,8 @@ TEST_F(ReportProgram, NamesFileAndReasonAndWritesNothing) {
   ExpectRefused(std::string(kHandstand) + " --truth " + Recorded().truth,
                 "--truth is given 1 times, for 0 records");
   ExpectRefused(record + " --ticks 3", "--ticks");
-  ExpectRefused(record + " --from 2 --to 1", "--from: is 2, must be before --to, 1");
-  ExpectRefused(record + " --from 500", record + ": has 0 ticks from 500 s");
+  ExpectRefused(record + " --from-s 2 --to-s 1", "--from-s: is 2, must be before --to-s, 1");
+  ExpectRefused(record + " --from-s 500", record + ": has 0 ticks from 500 s");
   ExpectRefused("", "RECORD|PRIMITIVE");
 }
 

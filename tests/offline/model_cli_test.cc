@@ -1,4 +1,4 @@
-// tumbler-model as a user meets it.
+// tumbler model as a user meets it.
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -218,12 +218,12 @@ TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
   EXPECT_THAT(run.out, HasSubstr(fmt::format("robot.urdf:{}: link 'middle': note: collision shape "
                                              "middle/0 is a mesh: contact ignores it",
                                              LineOf(text, "<link name=\"middle\""))));
-  EXPECT_THAT(run.out, HasSubstr("tumbler-optimize takes it"));
+  EXPECT_THAT(run.out, HasSubstr("tumbler optimize takes it"));
   EXPECT_THAT(run.out, ::testing::Not(HasSubstr("passes through the ground")));
   const std::string bare = testing::ReplacedAll(ShippedRobot(), "collision>", "visual>");
   const std::string shapeless = ModelRunner(bare)("check", "").out;
   EXPECT_THAT(shapeless, HasSubstr("can be planned: only where it touches nothing"));
-  EXPECT_THAT(shapeless, ::testing::Not(HasSubstr("tumbler-optimize takes it")));
+  EXPECT_THAT(shapeless, ::testing::Not(HasSubstr("tumbler optimize takes it")));
   const std::string half = Replaced(bare, "<visual>", "<collision>");
   EXPECT_THAT(ModelRunner(Replaced(half, "</visual>", "</collision>"))("check", "").out,
               HasSubstr("note: no collision shape, so passes through the ground: leg1_link, "
@@ -279,7 +279,7 @@ TEST(ModelCheck, SaysWithWhichJointsLockedATaskTakesTheRobotAndTakesThemItself) 
   EXPECT_THAT(run("check", "").out, HasSubstr("can be planned with these joints locked: yes\n"));
   const ModelOutcome locked = run("check", "--locked j1=0.5");
   EXPECT_THAT(locked.out, HasSubstr("locked at 0.5\n"));
-  EXPECT_THAT(locked.out, HasSubstr("can be planned: yes, tumbler-optimize takes it\n"));
+  EXPECT_THAT(locked.out, HasSubstr("can be planned: yes, tumbler optimize takes it\n"));
   const std::string bare = testing::ReplacedAll(Row({kInPlane, kAcross}), "collision>", "visual>");
   EXPECT_THAT(ModelRunner(bare)("check", "").out,
               HasSubstr("can be planned with these joints locked: only where it touches nothing"));
@@ -307,7 +307,7 @@ TEST(ModelCheck, NamesEveryMistakeOfAFileThatHoldsNoRobot) {
   EXPECT_THAT(run.err, HasSubstr("robot.urdf:5: joint 'j0': <axis> xyz is '0 1'"));
   EXPECT_THAT(run.err, HasSubstr("robot.urdf:6: joint 'j1': <axis> xyz is 'a b c'"));
   EXPECT_THAT(ModelRunner(Row({"<axis xyz='0 1'/>", "<axis xyz='a b c'/>"}))("hybrid", "").err,
-              HasSubstr("(and 1 more: `tumbler-model check` lists all)"));
+              HasSubstr("(and 1 more: `tumbler model check` lists all)"));
 }
 
 TEST(ModelCheck, WarnsOfInertiaThatNoBodyHasWithLinkAndLine) {

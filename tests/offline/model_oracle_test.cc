@@ -1,4 +1,4 @@
-// Compares the results of tumbler-model with DART, which reads the same random URDFs with its own
+// Compares the results of tumbler model with DART, which reads the same random URDFs with its own
 // loader.
 
 #include <fmt/format.h>
@@ -191,7 +191,7 @@ RootChain MakeRoot(const std::string& kind, const std::string& link) {
   return root;
 }
 
-/// DART's model of a file, with coordinates by name in the order of tumbler-model.
+/// DART's model of a file, with coordinates by name in the order of tumbler model.
 class DartRobot {
  public:
   struct Force {

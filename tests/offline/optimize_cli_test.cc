@@ -1,4 +1,4 @@
-// tumbler-optimize as a user meets it: its outputs, the cases in which it writes nothing,
+// tumbler optimize as a user meets it: its outputs, the cases in which it writes nothing,
 // interrupts, and that results depend on task and seed alone.
 
 #include <gmock/gmock-matchers.h>
@@ -37,7 +37,7 @@ using testing::TaskFolder;
 
 /// Runs the program on the folder's task.
 Program Optimize(const TaskFolder& folder, std::vector<std::string> more) {
-  more.insert(more.begin(), {testing::ProgramPath("tumbler-optimize"), folder.task_file()});
+  more.insert(more.begin(), {testing::ProgramPath("tumbler optimize"), folder.task_file()});
   return Program(more);
 }
 
@@ -111,7 +111,7 @@ Program OnAPlainProcessor(std::vector<std::string> command) {
 TEST(OptimizeCli, TheSameSeedIsTheSameFileAndRunOnAProcessorWithoutAvx2AndFma) {
   const testing::TemporaryFolder folder;
   const auto optimize = [&folder](const std::string& out) {
-    return std::vector<std::string>{testing::ProgramPath("tumbler-optimize"),
+    return std::vector<std::string>{testing::ProgramPath("tumbler optimize"),
                                     testing::SourcePath("primitives/tasks/nominal/handstand.toml"),
                                     "--quiet", "--out", folder / out};
   };
@@ -122,10 +122,10 @@ TEST(OptimizeCli, TheSameSeedIsTheSameFileAndRunOnAProcessorWithoutAvx2AndFma) {
   EXPECT_EQ(ReadFile(folder / "here.toml"), ReadFile(folder / "plain.toml"));
 
   const auto play = [&folder](const std::string& out) {
-    return std::vector<std::string>{testing::ProgramPath("tumbler-run"),
+    return std::vector<std::string>{testing::ProgramPath("tumbler run"),
                                     "sim",
                                     folder / "here.toml",
-                                    "--trace",
+                                    "--csv",
                                     folder / (out + ".csv"),
                                     "--truth",
                                     folder / (out + ".log")};
@@ -383,7 +383,7 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
     EXPECT_EQ(program.Wait(), 1) << c.says;
     EXPECT_THAT(program.text(), HasSubstr(c.says));
   }
-  Program nothing({testing::ProgramPath("tumbler-optimize")});
+  Program nothing({testing::ProgramPath("tumbler optimize")});
   EXPECT_EQ(nothing.Wait(), 1);
   EXPECT_EQ(folder.Listing(), before);
 }
@@ -687,7 +687,7 @@ TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
 TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhenItsTerminalGoes) {
   const TaskFolder folder(EndlessLocalSolves());
   const std::string out = folder / "motion.toml", task = folder.task_file();
-  const std::string program = testing::ProgramPath("tumbler-optimize");
+  const std::string program = testing::ProgramPath("tumbler optimize");
   int terminal = -1;
   const pid_t child = forkpty(&terminal, nullptr, nullptr, nullptr);
   ASSERT_GE(child, 0);

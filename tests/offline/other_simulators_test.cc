@@ -1,5 +1,5 @@
 // Shipped motions in engines that others wrote, with contacts of their own. The robot is the one
-// that tumbler-export writes, and so are the setpoints: what a user of such an engine has.
+// that tumbler export writes, and so are the setpoints: what a user of such an engine has.
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

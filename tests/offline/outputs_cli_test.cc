@@ -31,9 +31,9 @@ class Outputs : public ::testing::Test {
     WriteFile(folder_ / "twin.toml", "format = \"tumbler-twin\"\nversion = 1\n");
     WriteFile(folder_ / "drives.toml",
               ReadFile(SourcePath("primitives/robots/tumbler_drives.toml")));
-    const Outcome run = In("tumbler-run sim handstand.toml --record x.rec --log x.lcm --hold-s 0");
+    const Outcome run = In("tumbler run sim handstand.toml --record x.rec --log x.lcm --hold-s 0");
     EXPECT_EQ(run.exit_code, 0) << run.text;
-    EXPECT_EQ(In("tumbler-record x.rec --candump x.log").exit_code, 0);
+    EXPECT_EQ(In("tumbler record x.rec --candump x.log").exit_code, 0);
     std::filesystem::create_hard_link(std::string(folder_ / "x.rec"), folder_ / "hard.rec");
     std::filesystem::create_symlink("x.rec", folder_ / "soft.rec");
   }
@@ -57,26 +57,26 @@ TEST_F(Outputs, NeverReplaceAnInput) {
   const std::map<std::string, std::string> before = Content();
   const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   for (const std::string& command_line : {
-           std::string("tumbler-record x.rec --csv x.rec"),
-           std::string("tumbler-record x.rec --lcm ./x.rec"),
-           std::string("tumbler-record x.rec --candump \"$PWD/x.rec\""),
-           std::string("tumbler-record x.rec --csv hard.rec"),
-           std::string("tumbler-record x.rec --csv soft.rec"),
-           std::string("tumbler-record soft.rec --csv x.rec"),
-           std::string("tumbler-log x.lcm --csv ./x.lcm"),
-           std::string("tumbler-replay x.rec --against hard.rec --svg x.rec"),
-           std::string("tumbler-replay x.rec --against soft.rec --svg soft.rec"),
-           std::string("tumbler-replay x.log --drives drives.toml --svg drives.toml"),
-           std::string("tumbler-replay x.log --drives drives.toml --svg x.log"),
-           std::string("tumbler-run sim handstand.toml --json ./handstand.toml"),
-           std::string("tumbler-run sim gait.toml --cycles 1 --trace handstand.toml"),
-           std::string("tumbler-run sim handstand.toml --twin twin.toml --truth twin.toml"),
-           std::string("tumbler-run sim handstand.toml --drives drives.toml --log drives.toml"),
-           std::string("tumbler-chain simulate gait.toml --json gait.toml"),
-           std::string("tumbler-chain simulate gait.toml --json downstand.toml"),
-           std::string("tumbler-export gait.toml --header handstand.toml"),
-           "tumbler-optimize " + task + " --start-from handstand.toml --out ./handstand.toml",
-           std::string("tumbler-twin can9 handstand.toml --drives drives.toml --json "
+           std::string("tumbler record x.rec --csv x.rec"),
+           std::string("tumbler record x.rec --log ./x.rec"),
+           std::string("tumbler record x.rec --candump \"$PWD/x.rec\""),
+           std::string("tumbler record x.rec --csv hard.rec"),
+           std::string("tumbler record x.rec --csv soft.rec"),
+           std::string("tumbler record soft.rec --csv x.rec"),
+           std::string("tumbler record x.lcm --csv ./x.lcm"),
+           std::string("tumbler replay x.rec --against hard.rec --svg x.rec"),
+           std::string("tumbler replay x.rec --against soft.rec --svg soft.rec"),
+           std::string("tumbler replay x.log --drives drives.toml --svg drives.toml"),
+           std::string("tumbler replay x.log --drives drives.toml --svg x.log"),
+           std::string("tumbler run sim handstand.toml --json ./handstand.toml"),
+           std::string("tumbler run sim gait.toml --cycles 1 --csv handstand.toml"),
+           std::string("tumbler run sim handstand.toml --twin twin.toml --truth twin.toml"),
+           std::string("tumbler run sim handstand.toml --drives drives.toml --log drives.toml"),
+           std::string("tumbler chain simulate gait.toml --json gait.toml"),
+           std::string("tumbler chain simulate gait.toml --json downstand.toml"),
+           std::string("tumbler export gait.toml --header handstand.toml"),
+           "tumbler optimize " + task + " --start-from handstand.toml --out ./handstand.toml",
+           std::string("tumbler twin can9 handstand.toml --drives drives.toml --json "
                        "./handstand.toml"),
        }) {
     const Outcome outcome = In(command_line);
@@ -91,13 +91,13 @@ TEST_F(Outputs, NeverReplaceAnotherOutput) {
   const std::map<std::string, std::string> before = Content();
   const std::string task = SourcePath("primitives/tasks/nominal/handstand.toml");
   for (const std::string& command_line : {
-           std::string("tumbler-record x.rec --csv new --lcm new"),
-           std::string("tumbler-record x.rec --csv new --candump ./new"),
-           std::string("tumbler-run sim handstand.toml --json j --trace j"),
-           std::string("tumbler-run sim handstand.toml --record j --log \"$PWD/j\""),
-           "tumbler-optimize " + task + " --out q --json ./q",
-           "tumbler-optimize " + task + " --json \"$PWD/q\" --out q",
-           std::string("tumbler-twin can9 handstand.toml --drives drives.toml --json j --truth j"),
+           std::string("tumbler record x.rec --csv new --log new"),
+           std::string("tumbler record x.rec --csv new --candump ./new"),
+           std::string("tumbler run sim handstand.toml --json j --csv j"),
+           std::string("tumbler run sim handstand.toml --record j --log \"$PWD/j\""),
+           "tumbler optimize " + task + " --out q --json ./q",
+           "tumbler optimize " + task + " --json \"$PWD/q\" --out q",
+           std::string("tumbler twin can9 handstand.toml --drives drives.toml --json j --truth j"),
        }) {
     const Outcome outcome = In(command_line);
     EXPECT_EQ(outcome.exit_code, 1) << command_line;
@@ -110,28 +110,31 @@ TEST_F(Outputs, NeverReplaceAnotherOutput) {
 TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {
   const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   for (const std::string& command_line : {
-           "tumbler-optimize " + task + " --guess downstand.toml --out a/b/m.toml --json c/m.json",
-           std::string("tumbler-run sim downstand.toml --hold-s 0 --json d/e/j --log f/l --trace "
+           "tumbler optimize " + task + " --guess downstand.toml --out a/b/m.toml --json c/m.json",
+           std::string("tumbler run sim downstand.toml --hold-s 0 --json d/e/j --log f/l --csv "
                        "g/t --record h/r --truth i/t"),
-           std::string("tumbler-record x.rec --csv k/t --lcm l/l --candump m/c"),
-           std::string("tumbler-log x.lcm --csv n/t"),
-           std::string("tumbler-replay x.rec --against hard.rec --svg o/p/s.svg"),
-           std::string("tumbler-chain simulate gait.toml --cycles 0 --branch roll --json q/j"),
-           std::string("tumbler-export gait.toml --header r/s/gait.h"),
+           std::string("tumbler record x.rec --csv k/t --log l/l --candump m/c"),
+           std::string("tumbler record x.lcm --csv n/t"),
+           std::string("tumbler replay x.rec --against hard.rec --svg o/p/s.svg"),
+           std::string("tumbler chain simulate gait.toml --cycles 0 --branch roll --json q/j"),
+           std::string("tumbler export gait.toml --header r/s/gait.h"),
+           std::string("tumbler robustness handstand.toml --robots 2 --report s/t.html"),
+           std::string("tumbler view x.rec --out u/v.html"),
        }) {
     const Outcome outcome = In(command_line);
     EXPECT_EQ(outcome.exit_code, 0) << command_line << '\n' << outcome.text;
   }
-  for (const char* name : {"a/b/m.toml", "c/m.json", "d/e/j", "f/l", "g/t", "h/r", "i/t", "k/t",
-                           "l/l", "m/c", "n/t", "o/p/s.svg", "q/j", "r/s/gait.h"}) {
+  for (const char* name :
+       {"a/b/m.toml", "c/m.json", "d/e/j", "f/l", "g/t", "h/r", "i/t", "k/t", "l/l", "m/c", "n/t",
+        "o/p/s.svg", "q/j", "r/s/gait.h", "s/t.html", "u/v.html"}) {
     EXPECT_FALSE(ReadFile(folder_ / name).empty()) << name;
   }
 }
 
 TEST_F(Outputs, OfAFullDiskTakeNothingFromTheSummaryAndAreNoSuccess) {
   const auto before = Content();
-  const std::string run = "tumbler-run sim handstand.toml --hold-s 0 ";
-  for (const std::string option : {"--log", "--trace", "--truth", "--json"}) {
+  const std::string run = "tumbler run sim handstand.toml --hold-s 0 ";
+  for (const std::string option : {"--log", "--csv", "--truth", "--json"}) {
     const Outcome outcome = In(run + option + " /dev/full");
     EXPECT_EQ(outcome.exit_code, 4) << option;
     EXPECT_THAT(outcome.text, HasSubstr("completed: handstand on sim")) << option;
@@ -142,8 +145,8 @@ TEST_F(Outputs, OfAFullDiskTakeNothingFromTheSummaryAndAreNoSuccess) {
               HasSubstr("\"unwritten\": [\n    \"/dev/full: could not be written whole\""));
   EXPECT_THAT(both.text, HasSubstr("\"exit_code\": 4"));
   for (const std::string& command_line :
-       {run, std::string("tumbler-record x.rec"), std::string("tumbler-log x.lcm"),
-        std::string("tumbler-chain check gait.toml"), std::string("tumbler-run --help")}) {
+       {run, std::string("tumbler record x.rec"), std::string("tumbler record x.lcm"),
+        std::string("tumbler chain check gait.toml"), std::string("tumbler run --help")}) {
     const Outcome outcome = In(command_line + " > /dev/full");
     EXPECT_EQ(outcome.exit_code, 1) << command_line;
     EXPECT_THAT(outcome.text, ::testing::AnyOf(HasSubstr("No space left on device"),
@@ -152,9 +155,9 @@ TEST_F(Outputs, OfAFullDiskTakeNothingFromTheSummaryAndAreNoSuccess) {
   }
   // A limit of the shell's, in blocks of 512 or 1024 bytes, is a disk that is full later.
   for (const std::string& command_line :
-       {std::string("tumbler-export gait.toml --header motion.h"),
+       {std::string("tumbler export gait.toml --header motion.h"),
         std::string(
-            "tumbler-chain simulate gait.toml --cycles 0 --branch roll --json chain.json")}) {
+            "tumbler chain simulate gait.toml --cycles 0 --branch roll --json chain.json")}) {
     const Outcome outcome = In("ulimit -f 1; " + command_line);
     EXPECT_EQ(outcome.exit_code, 1) << command_line;
     EXPECT_THAT(outcome.text, HasSubstr("File too large")) << command_line;
@@ -167,9 +170,9 @@ TEST_F(Outputs, ShowControlCharactersInNamesAsText) {
   std::filesystem::copy_file(std::string(folder_ / "handstand.toml"), folder_ / name);
   for (const std::string& command_line :
        {std::string(
-            "tumbler-run sim $'a\\e[31mb.toml' --hold-s 0 --record y.rec --log $'y\\e.lcm'"),
-        std::string("tumbler-record y.rec"), std::string("tumbler-report y.rec --out page"),
-        std::string("tumbler-log $'no\\e.lcm'")}) {
+            "tumbler run sim $'a\\e[31mb.toml' --hold-s 0 --record y.rec --log $'y\\e.lcm'"),
+        std::string("tumbler record y.rec"), std::string("tumbler view y.rec --out page"),
+        std::string("tumbler record $'no\\e.lcm'")}) {
     const Outcome outcome = In("exec bash -c \"" + command_line + "\"");
     EXPECT_EQ(outcome.text.find('\x1b'), std::string::npos) << command_line;
     EXPECT_THAT(outcome.text, HasSubstr("\\x1b")) << command_line << '\n' << outcome.text;
@@ -179,8 +182,8 @@ TEST_F(Outputs, ShowControlCharactersInNamesAsText) {
 TEST_F(Outputs, AndOptionsThatWouldBeIgnoredAreRefused) {
   const auto before = Content();
   for (const auto& [command_line, says] : std::vector<std::pair<std::string, std::string>>{
-           {"tumbler-robustness handstand.toml --cycles 2", "--cycles: is for sequences"},
-           {"tumbler-replay x.rec --against hard.rec --drives drives.toml --svg s.svg",
+           {"tumbler robustness handstand.toml --cycles 2", "--cycles: is for sequences"},
+           {"tumbler replay x.rec --against hard.rec --drives drives.toml --svg s.svg",
             "--drives: has no use with --against"}}) {
     const Outcome outcome = In(command_line);
     EXPECT_EQ(outcome.exit_code, 1) << command_line;
@@ -190,16 +193,16 @@ TEST_F(Outputs, AndOptionsThatWouldBeIgnoredAreRefused) {
 }
 
 TEST_F(Outputs, ADeviceTakesAsManyResultsAsOneLikes) {
-  EXPECT_EQ(In("tumbler-record x.rec --csv /dev/null --candump /dev/null").exit_code, 0);
-  EXPECT_EQ(In("tumbler-run sim handstand.toml --json - --trace /dev/null").exit_code, 0);
+  EXPECT_EQ(In("tumbler record x.rec --csv /dev/null --candump /dev/null").exit_code, 0);
+  EXPECT_EQ(In("tumbler run sim handstand.toml --json - --csv /dev/null").exit_code, 0);
 }
 
 TEST(OutputsCli, AFileOfARunThatIsNotWholeIsNotSaidToBeWritten) {
   const testing::TemporaryFolder folder;
   const std::string motion = testing::SourcePath("primitives/nominal/handstand.toml");
   const testing::Outcome outcome =
-      testing::RunInShell("cd " + folder.path().string() + " && ulimit -f 40 && tumbler-run sim " +
-                          motion + " --record a.rec --log a.lcm --trace a.csv");
+      testing::RunInShell("cd " + folder.path().string() + " && ulimit -f 40 && tumbler run sim " +
+                          motion + " --record a.rec --log a.lcm --csv a.csv");
   EXPECT_EQ(outcome.exit_code, 4) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("NOT whole: a.lcm, a.csv: "));
   EXPECT_THAT(outcome.text, HasSubstr("NOT whole: a.rec: recording stopped after "));

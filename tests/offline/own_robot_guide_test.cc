@@ -58,7 +58,7 @@ TEST(OwnRobotGuide, ItsCommandsMakeARobotMove) {
   EXPECT_THAT(outcome.text, HasSubstr("without torque, 3 s later: the robot stays"));
   EXPECT_TRUE(std::filesystem::exists(folder / "dipper/report/index.html"));
   // What the program says, and what the folder's own page says, are these commands.
-  const std::string told = In(folder / "", "tumbler-new other --joints 1").text;
+  const std::string told = In(folder / "", "tumbler new other --joints 1").text;
   const std::string page = ReadFile(folder / "dipper/README.md");
   for (std::size_t i = 2; i < commands.size(); ++i) {
     EXPECT_THAT(page, HasSubstr("    " + commands[i] + "\n"));
@@ -71,18 +71,18 @@ TEST(OwnRobotGuide, FilesOfAnyNumberOfMotorsAreUsable) {
   for (int joints = 1; joints <= 8; ++joints) {
     const testing::TemporaryFolder folder;
     const std::string arguments = "a-robot --joints " + std::to_string(joints);
-    ASSERT_EQ(In(folder / "", "tumbler-new " + arguments).exit_code, 0);
+    ASSERT_EQ(In(folder / "", "tumbler new " + arguments).exit_code, 0);
     const std::string made = folder / "a-robot";
-    const Outcome model = In(made, "tumbler-model check a-robot.urdf");
+    const Outcome model = In(made, "tumbler model check a-robot.urdf");
     EXPECT_EQ(model.exit_code, 0) << model.text;
-    EXPECT_THAT(model.text, HasSubstr("tumbler-optimize takes it"));
+    EXPECT_THAT(model.text, HasSubstr("tumbler optimize takes it"));
     // A task that is usable gets as far as its results, which cannot be written here.
     for (const char* task : {"rise", "lie"}) {
       const Outcome loaded =
-          In(made, std::string("tumbler-optimize tasks/") + task + ".toml --out .");
+          In(made, std::string("tumbler optimize tasks/") + task + ".toml --out .");
       EXPECT_EQ(loaded.text, "error: .: is a directory, not a file\n") << joints;
     }
-    const Outcome drives = In(made, "tumbler-bench sim read --drives drives.toml");
+    const Outcome drives = In(made, "tumbler bench sim read --drives drives.toml");
     EXPECT_EQ(drives.exit_code, 0) << drives.text;
     EXPECT_THAT(drives.text, HasSubstr("mit " + std::to_string(joints)));
   }
@@ -91,7 +91,7 @@ TEST(OwnRobotGuide, FilesOfAnyNumberOfMotorsAreUsable) {
 TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
   const testing::TemporaryFolder folder;
   const std::string urdf = SourcePath("tests/data/robots/sweeper.urdf");
-  const Outcome made = In(folder / "", "tumbler-new sweeper --urdf " + urdf);
+  const Outcome made = In(folder / "", "tumbler new sweeper --urdf " + urdf);
   EXPECT_EQ(made.exit_code, 0) << made.text;
   EXPECT_THAT(made.text, HasSubstr("note: locked, as no task moves them: grip, shoulder_yaw"));
   EXPECT_THAT(made.text,
@@ -105,12 +105,12 @@ TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
   const Outcome moved =
       In(folder / "sweeper",
          "set -e\n"
-         "tumbler-optimize tasks/bend.toml --out motions/bend.toml --report report\n"
-         "tumbler-optimize tasks/unbend.toml --start-from motions/bend.toml --out "
+         "tumbler optimize tasks/bend.toml --out motions/bend.toml --report report\n"
+         "tumbler optimize tasks/unbend.toml --start-from motions/bend.toml --out "
          "motions/unbend.toml\n"
-         "tumbler-run sim sweeper.toml --cycles 1 --twin twin.toml --record run.rec\n"
-         "tumbler-report run.rec --out page\n"
-         "tumbler-record run.rec --mcap run.mcap\n");
+         "tumbler run sim sweeper.toml --cycles 1 --twin twin.toml --record run.rec\n"
+         "tumbler view run.rec --out page\n"
+         "tumbler record run.rec --mcap run.mcap\n");
   EXPECT_EQ(moved.exit_code, 0) << moved.text;
   EXPECT_THAT(moved.text, HasSubstr("2 motions, 1 complete cycle"));
   // A motion with other joints locked is of another robot.
@@ -118,7 +118,7 @@ TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
                      testing::Replaced(ReadFile(folder / "sweeper/tasks/unbend.toml"),
                                        "grip = 0.005", "grip = 0.02"));
   EXPECT_THAT(In(folder / "sweeper",
-                 "tumbler-optimize tasks/other.toml --start-from motions/bend.toml --out o.toml")
+                 "tumbler optimize tasks/other.toml --start-from motions/bend.toml --out o.toml")
                   .text,
               HasSubstr("or locked joints, than the task tasks/other.toml"));
 }
@@ -128,13 +128,13 @@ TEST(TumblerNew, FixesARobotThatDoesNotRestOnTheGroundAndRefusesOneThatNoTaskTak
   const std::string urdf = ReadFile(SourcePath("tests/data/robots/sweeper.urdf"));
   const auto make = [&](const std::string& name, const std::string& text, const char* more = "") {
     testing::WriteFile(folder / (name + ".urdf"), text);
-    return In(folder / "", "tumbler-new " + name + " --urdf " + name + ".urdf" + more);
+    return In(folder / "", "tumbler new " + name + " --urdf " + name + ".urdf" + more);
   };
   const Outcome bare = make("bare", testing::ReplacedAll(urdf, "collision>", "visual>"));
   EXPECT_EQ(bare.exit_code, 0) << bare.text;
   EXPECT_THAT(bare.text, HasSubstr("its root link is fixed, as it does not rest on the ground: it "
                                    "has no collision shape to stand on"));
-  const Outcome loaded = In(folder / "bare", "tumbler-optimize tasks/bend.toml --out .");
+  const Outcome loaded = In(folder / "bare", "tumbler optimize tasks/bend.toml --out .");
   EXPECT_EQ(loaded.text, "error: .: is a directory, not a file\n");
   const Outcome asked =
       make("asked", testing::ReplacedAll(urdf, "collision>", "visual>"), " --root planar-xz");
@@ -143,7 +143,7 @@ TEST(TumblerNew, FixesARobotThatDoesNotRestOnTheGroundAndRefusesOneThatNoTaskTak
   const Outcome weak = make("weak", testing::ReplacedAll(urdf, "effort=\"6\"", "effort=\"0\""));
   EXPECT_EQ(weak.exit_code, 1);
   EXPECT_THAT(weak.text, HasSubstr("joint 'shoulder_pitch': limit effort = 0; allowed: > 0 (and 1 "
-                                   "more: `tumbler-model check` lists all)"));
+                                   "more: `tumbler model check` lists all)"));
   EXPECT_FALSE(std::filesystem::exists(folder / "weak"));
 }
 
@@ -151,14 +151,14 @@ TEST(TumblerNew, ReplacesNothingAndLeavesNothingBehind) {
   const testing::TemporaryFolder folder;
   std::filesystem::create_directory(folder / "taken");
   testing::WriteFile(folder / "taken/precious", "keep me");
-  EXPECT_THAT(In(folder / "", "tumbler-new taken").text, HasSubstr("taken: is there already"));
-  EXPECT_EQ(In(folder / "", "tumbler-new taken").exit_code, 1);
+  EXPECT_THAT(In(folder / "", "tumbler new taken").text, HasSubstr("taken: is there already"));
+  EXPECT_EQ(In(folder / "", "tumbler new taken").exit_code, 1);
   EXPECT_EQ(ReadFile(folder / "taken/precious"), "keep me");
   for (const char* arguments :
        {"Big", "../up", "-x", "a/b", "''", "ok --joints 0", "ok --joints 9"}) {
-    EXPECT_EQ(In(folder / "", std::string("tumbler-new ") + arguments).exit_code, 1) << arguments;
+    EXPECT_EQ(In(folder / "", std::string("tumbler new ") + arguments).exit_code, 1) << arguments;
   }
-  const Outcome full = In(folder / "", "ulimit -f 1; tumbler-new full");
+  const Outcome full = In(folder / "", "ulimit -f 1; tumbler new full");
   EXPECT_EQ(full.exit_code, 1);
   EXPECT_THAT(full.text, HasSubstr("File too large"));
   std::vector<std::string> left;

@@ -36,7 +36,7 @@ Ending Optimize(const std::string& task, const std::string& seed) {
   const std::string robots = testing::SourcePath("tests/data/robots");
   testing::WriteFile(folder / "task.toml", Replaced(task, "../robots", robots));
   const std::string out = folder / "motion.toml";
-  Program program({testing::ProgramPath("tumbler-optimize"), folder / "task.toml", "--seed", seed,
+  Program program({testing::ProgramPath("tumbler optimize"), folder / "task.toml", "--seed", seed,
                    "--out", out});
   Ending ending;
   ending.status = program.Wait();
@@ -119,18 +119,18 @@ TEST(OwnRobot, ThatHasNoShapesIsDrawnAsRods) {
     const testing::Outcome outcome = testing::RunProgram(command);
     EXPECT_EQ(outcome.exit_code, 0) << command[0] << "\n" << outcome.text;
   };
-  run({"tumbler-optimize", folder.task_file(), "--quiet", "--out", motion, "--report",
+  run({"tumbler optimize", folder.task_file(), "--quiet", "--out", motion, "--report",
        folder / "found"});
-  run({"tumbler-run", "sim", motion, "--record", record});
-  run({"tumbler-report", record, "--out", folder / "page"});
-  run({"tumbler-record", record, "--mcap", folder / "arm.mcap"});
+  run({"tumbler run", "sim", motion, "--record", record});
+  run({"tumbler view", record, "--out", folder / "page"});
+  run({"tumbler record", record, "--mcap", folder / "arm.mcap"});
   EXPECT_THAT(ReadFile(folder / "found/index.html"), HasSubstr("\"lower\""));
 }
 
 TEST(Hopper, JumpsOntoItsStepThroughTheRuntimeAndStaysThere) {
   const std::string folder = testing::SourcePath("primitives/hopper/");
   const testing::Outcome run = testing::RunProgram(
-      {"tumbler-run", "sim", folder + "hopper.toml", "--twin", folder + "twin.toml"});
+      {"tumbler run", "sim", folder + "hopper.toml", "--twin", folder + "twin.toml"});
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(
       run.text,
@@ -159,7 +159,7 @@ TEST(Hopper, FliesFromTheGroundToTheStep) {
 TEST(Acrobot, SwingsUpThroughTheRuntimeAndArrivesAboveItsBar) {
   const std::string folder = testing::SourcePath("primitives/acrobot/");
   const testing::Outcome run = testing::RunProgram(
-      {"tumbler-run", "sim", folder + "acrobot.toml", "--twin", folder + "twin.toml"});
+      {"tumbler run", "sim", folder + "acrobot.toml", "--twin", folder + "twin.toml"});
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text,
               AllOf(HasSubstr("completed: acrobot on sim"),
@@ -172,7 +172,7 @@ TEST(Acrobot, SwingsUpThroughTheRuntimeAndArrivesAboveItsBar) {
 TEST(Acrobot, LanesAndTwinMostlyAgreeAndNothingSpeaksOfAGround) {
   const std::string folder = testing::SourcePath("primitives/acrobot/");
   const testing::Outcome study = testing::RunProgram(
-      {"tumbler-robustness", folder + "acrobot.toml", "--drives", folder + "drives.toml",
+      {"tumbler robustness", folder + "acrobot.toml", "--drives", folder + "drives.toml",
        "--robots", "24", "--scale", "0.1", "--compare-lanes", "--quiet"});
   EXPECT_EQ(study.exit_code, 0) << study.text;
   const std::string agree = "lanes and twin agree whether ";

@@ -33,7 +33,7 @@ struct Motion {
 Motion Solved(const std::string& name) {
   const std::string task = testing::SourcePath("primitives/tasks/paper/") + name + ".toml";
   const TaskFolder folder("");
-  Program program({testing::ProgramPath("tumbler-optimize"), task, "--out", folder / "motion.toml",
+  Program program({testing::ProgramPath("tumbler optimize"), task, "--out", folder / "motion.toml",
                    "--threads", "2"});
   EXPECT_EQ(program.Wait(), 0) << program.text();
   Motion motion{LoadTask(task).problem, LoadPrimitive(folder / "motion.toml"), {}, {}};

@@ -25,7 +25,7 @@ class Engine {
   [[nodiscard]] virtual double Position(const std::string& joint) const = 0;
 };
 
-/// A shipped motion, with the setpoints that tumbler-export writes of it: what a user of another
+/// A shipped motion, with the setpoints that tumbler export writes of it: what a user of another
 /// engine has.
 class PlayedMotion {
  public:

@@ -19,7 +19,7 @@ std::string Mpirun(const std::string& processes) {
 }
 
 std::string Study(const std::string& more) {
-  return "tumbler-robustness " + testing::SourcePath("primitives/handstand.toml") +
+  return "tumbler robustness " + testing::SourcePath("primitives/handstand.toml") +
          " --lanes --scale 2.5 --seed 17 --robots 1300 " + more;
 }
 
@@ -53,7 +53,7 @@ TEST(RobustnessProcesses, AFileThatOnlyTheFirstReadsEndsAllWhenItCannotBeUsed) {
 TEST(SweepProcesses, OneAndTwoOfThemGiveTheBytesOfTheProgramAlone) {
   const testing::TemporaryFolder folder;
   const auto sweep = [&](const std::string& name) {
-    return "tumbler-sweep " + testing::SourcePath("primitives/tasks/nominal/handstand.toml") +
+    return "tumbler sweep " + testing::SourcePath("primitives/tasks/nominal/handstand.toml") +
            " --over mass=0.98,1.02,30 --guess " +
            testing::SourcePath("primitives/nominal/handstand.toml") + " --out " + (folder / name) +
            " --json - 2>/dev/null";

@@ -950,7 +950,7 @@ TEST(RobustnessPage, ShowsShareMapAndEveryRobotAndTakesNamesAsText) {
 
 /// A study that the program takes, with its JSON on standard output.
 std::string LaneStudy(const std::string& more) {
-  return "tumbler-robustness " + testing::SourcePath("primitives/handstand.toml") +
+  return "tumbler robustness " + testing::SourcePath("primitives/handstand.toml") +
          " --lanes --scale 2.5 --seed 17 --robots 2000 --json - " + more + " 2>/dev/null";
 }
 
@@ -979,7 +979,7 @@ TEST(RobustnessProgram, EndsAtAnInterruptSaysHowFarItCameAndGoesOnFromThere) {
   const std::string study = testing::SourcePath("primitives/handstand.toml") +
                             " --lanes --seed 17 --checkpoint " + checkpoint;
   testing::Program endless({"/bin/sh", "-c",
-                            "exec " + testing::ProgramPath("tumbler-robustness") +
+                            "exec " + testing::ProgramPath("tumbler robustness") +
                                 " --robots 10000000 --json " + (folder / "x.json") + " " + study});
   ASSERT_TRUE(testing::Eventually([&] {
     return std::filesystem::exists(checkpoint) && std::filesystem::file_size(checkpoint) > 10'000;
@@ -991,7 +991,7 @@ TEST(RobustnessProgram, EndsAtAnInterruptSaysHowFarItCameAndGoesOnFromThere) {
   EXPECT_EQ(endless.text().find('\x1b'), std::string::npos) << "no terminal, no escapes";
   EXPECT_EQ(folder.Listing(), (std::set<std::string>{"robots"}));
   const testing::Outcome quiet =
-      testing::RunInShell("tumbler-robustness --quiet --robots 32 " + study);
+      testing::RunInShell("tumbler robustness --quiet --robots 32 " + study);
   EXPECT_EQ(quiet.exit_code, 0) << quiet.text;
   EXPECT_EQ(quiet.text.find("/32 robots"), std::string::npos) << quiet.text;
 }
@@ -1000,12 +1000,12 @@ TEST(RobustnessProgram, APartOfTheWorkNeedsAFileAndItsNumbers) {
   const std::string motion = testing::SourcePath("primitives/handstand.toml");
   for (const std::string shard : {"0/2", "3/2", "1", "1/", "1/2x", "-1/2"}) {
     const testing::Outcome outcome =
-        testing::RunProgram({"tumbler-robustness", motion, "--shard=" + shard});
+        testing::RunProgram({"tumbler robustness", motion, "--shard=" + shard});
     EXPECT_EQ(outcome.exit_code, 1);
     EXPECT_NE(outcome.text.find("--shard"), std::string::npos) << outcome.text;
   }
   const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-robustness", motion, "--shard", "1/2"});
+      testing::RunProgram({"tumbler robustness", motion, "--shard", "1/2"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_NE(outcome.text.find("--checkpoint"), std::string::npos) << outcome.text;
 }
@@ -1013,7 +1013,7 @@ TEST(RobustnessProgram, APartOfTheWorkNeedsAFileAndItsNumbers) {
 TEST(RobustnessProgram, TellsOnHowManyLanesAndTwinAgreeAndWritesThePage) {
   const testing::TemporaryFolder folder;
   const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-robustness", testing::SourcePath("primitives/handstand.toml"),
+      testing::RunProgram({"tumbler robustness", testing::SourcePath("primitives/handstand.toml"),
                            "--robots", "4", "--compare-lanes", "--report", folder / "page"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_NE(outcome.text.find("lanes and twin agree whether"), std::string::npos) << outcome.text;
@@ -1024,13 +1024,13 @@ TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout
   const testing::TemporaryFolder folder;
   const std::string arm = folder / "arm.toml";
   const testing::Outcome found =
-      testing::RunProgram({"tumbler-optimize", testing::SourcePath("tests/data/tasks/arm.toml"),
+      testing::RunProgram({"tumbler optimize", testing::SourcePath("tests/data/tasks/arm.toml"),
                            "--quiet", "--out", arm});
   ASSERT_EQ(found.exit_code, 0) << found.text;
   // Its task asks for nothing that could be missed, and a fixed root has no pitch to compare.
   const std::string before = testing::ReadFile(arm);
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-robustness", arm, "--robots", "4", "--certify", "--json", folder / "arm.json"});
+      {"tumbler robustness", arm, "--robots", "4", "--certify", "--json", folder / "arm.json"});
   EXPECT_EQ(outcome.exit_code, 4) << outcome.text;
   EXPECT_THAT(outcome.text,
               HasSubstr("none of 4 robots was judged\n  4 robots were not judged: its "
@@ -1045,7 +1045,7 @@ TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout
   EXPECT_EQ((*json)["not_judged"].size(), 4U);
   for (const std::string option : {"--push=2", "--drops", "--lanes"}) {
     const testing::Outcome refused =
-        testing::RunProgram({"tumbler-robustness", arm, "--robots", "1", option});
+        testing::RunProgram({"tumbler robustness", arm, "--robots", "1", option});
     EXPECT_EQ(refused.exit_code, 2) << refused.text;
     EXPECT_THAT(refused.text,
                 HasSubstr(option == "--lanes" ? "cannot be simulated in lanes: the robot's root is "
@@ -1057,9 +1057,9 @@ TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout
                      "start = \"wave\"\nprimitives = { wave = \"arm.toml\" }\n"
                      "[[node]]\nname = \"wave\"\nprimitive = \"wave\"\nsafe = true\n");
   const testing::Outcome chain =
-      testing::RunProgram({"tumbler-chain", "simulate", folder / "wave.toml", "--json", "-"});
+      testing::RunProgram({"tumbler chain", "simulate", folder / "wave.toml", "--json", "-"});
   EXPECT_THAT(chain.text, HasSubstr("\"fixed\"")) << "it is neither level nor upright";
-  EXPECT_THAT(testing::RunProgram({"tumbler-run", "sim", arm}).text,
+  EXPECT_THAT(testing::RunProgram({"tumbler run", "sim", arm}).text,
               HasSubstr("without torque, 3 s later: the robot is limp where it is fixed to the "
                         "world, its joints at "));
 }
@@ -1077,9 +1077,9 @@ TEST(RobustnessProgram, WhatARunWouldRefuseIsRefusedOfRobotsAndAbortsToo) {
   testing::WriteFile(
       drives, testing::ReplacedAll(testing::ReadFile(drives), "[-12.5, 12.5]", "[-2.0, 2.0]"));
   for (const std::vector<std::string>& command :
-       {std::vector<std::string>{"tumbler-run", "sim", motion},
-        {"tumbler-robustness", motion, "--robots", "2", "--certify"},
-        {"tumbler-abort", motion, "--robots", "2", "--write"}}) {
+       {std::vector<std::string>{"tumbler run", "sim", motion},
+        {"tumbler robustness", motion, "--robots", "2", "--certify"},
+        {"tumbler abort", motion, "--robots", "2", "--write"}}) {
     std::vector<std::string> with_drives = command;
     with_drives.insert(with_drives.end(), {"--drives", drives});
     const testing::Outcome refused = testing::RunProgram(with_drives);
@@ -1103,15 +1103,15 @@ TEST(RobustnessProgram, APushTakesAModelThatStands) {
                   "[motor]\ntorque_max_nm = 0.5\n",
                   motion, testing::SourcePath("primitives/robots/tumbler_drives.toml")));
   const testing::Outcome refused =
-      testing::RunProgram({"tumbler-robustness", motion, "--robots", "2", "--twin", twin, "--push",
-                           "2", "--hold", "12"});
+      testing::RunProgram({"tumbler robustness", motion, "--robots", "2", "--twin", twin, "--push",
+                           "2", "--hold-s", "12"});
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
   EXPECT_THAT(refused.text, HasSubstr("the model itself is not as asked, so there is no hold"));
 }
 
 TEST(RobustnessProgram, ARobotThatMayGetUpIsNotPushed) {
   const testing::Outcome refused = testing::RunProgram(
-      {"tumbler-robustness", testing::SourcePath("primitives/gait_sensor.toml"), "--robots", "1",
+      {"tumbler robustness", testing::SourcePath("primitives/gait_sensor.toml"), "--robots", "1",
        "--cycles", "1", "--push", "2", "--get-ups", "1", "--drives",
        testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml")});
   EXPECT_EQ(refused.exit_code, 1);
@@ -1122,7 +1122,7 @@ TEST(RobustnessProgram, PutsNoResultInThePlaceOfAnother) {
   const testing::TemporaryFolder folder;
   for (const std::string& json : {folder / "page/index.html", folder / "page"}) {
     const testing::Outcome outcome =
-        testing::RunProgram({"tumbler-robustness", testing::SourcePath("primitives/handstand.toml"),
+        testing::RunProgram({"tumbler robustness", testing::SourcePath("primitives/handstand.toml"),
                              "--robots", "1", "--report", folder / "page", "--json", json});
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
     EXPECT_NE(outcome.text.find("is named for two results"), std::string::npos) << outcome.text;
@@ -1134,7 +1134,7 @@ TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
   const testing::TemporaryFolder folder;
   const std::string json_file = folder / "figures.json";
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-robustness", testing::SourcePath("primitives/nominal/handstand.toml"), "--robots",
+      {"tumbler robustness", testing::SourcePath("primitives/nominal/handstand.toml"), "--robots",
        "1", "--scale", "0", "--json", json_file});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_NE(outcome.text.find("1 of 1 robots are as asked"), std::string::npos) << outcome.text;
@@ -1168,7 +1168,7 @@ TEST(RobustnessProgram, ACertificateGetsTheShareAndANewerOneTakesItsPlace) {
   const std::string motion = folder / "handstand.toml";
   const Primitive<double> before = LoadPrimitive(motion).primitive;
   const auto certify = [&](const std::string& robots, const std::string& seed) {
-    return testing::RunProgram({"tumbler-robustness", motion, "--lanes", "--robots", robots,
+    return testing::RunProgram({"tumbler robustness", motion, "--lanes", "--robots", robots,
                                 "--seed", seed, "--mass", "0.07", "--certify"});
   };
   const testing::Outcome first = certify("8", "9001");
@@ -1198,7 +1198,7 @@ TEST(RobustnessProgram, TheShareOfAGaitGoesIntoThePrimitivesThatItPlaysWhichThei
   const testing::TemporaryFolder folder;
   const std::string gait = CopyOfTheGait(folder);
   const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-robustness", gait, "--lanes", "--robots", "1", "--scale", "0",
+      testing::RunProgram({"tumbler robustness", gait, "--lanes", "--robots", "1", "--scale", "0",
                            "--cycles", "1", "--seed", "9003", "--certify"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   // Neither a branch was taken, nor did a robot lie when its run began.
@@ -1211,7 +1211,7 @@ TEST(RobustnessProgram, TheShareOfAGaitGoesIntoThePrimitivesThatItPlaysWhichThei
     EXPECT_EQ(figures[0].cycles, 1);
     EXPECT_EQ(figures[0].stand, 1);
   }
-  const testing::Outcome chain = testing::RunProgram({"tumbler-chain", "check", gait});
+  const testing::Outcome chain = testing::RunProgram({"tumbler chain", "check", gait});
   EXPECT_EQ(chain.exit_code, 0) << chain.text;
   EXPECT_NE(chain.text.find("downstand: robots as asked: gait, 1 cycles: 1 of 1 robots"),
             std::string::npos)
@@ -1227,7 +1227,7 @@ TEST(RobustnessProgram, NoCertificateIsWrittenOfWhatItHasNoPlaceFor) {
        {std::vector<std::string>{motion, "--twin",
                                  testing::SourcePath("primitives/robots/tumbler_twin.toml")},
         std::vector<std::string>{gait, "--branch", "roll"}}) {
-    std::vector<std::string> command = {"tumbler-robustness", "--robots", "1", "--certify"};
+    std::vector<std::string> command = {"tumbler robustness", "--robots", "1", "--certify"};
     command.insert(command.end(), more.begin(), more.end());
     const testing::Outcome outcome = testing::RunProgram(command);
     EXPECT_EQ(outcome.exit_code, 1);
@@ -1241,7 +1241,7 @@ TEST(RobustnessProgram, ARangeOfTheGroundIsInTheCertificateAndAWrongOneRefused) 
   CopyOfTheGait(folder);
   const std::string motion = folder / "handstand.toml";
   const testing::Outcome done = testing::RunProgram(
-      {"tumbler-robustness", motion, "--lanes", "--robots", "8", "--seed", "9004", "--friction",
+      {"tumbler robustness", motion, "--lanes", "--robots", "8", "--seed", "9004", "--friction",
        "0.2..0.5", "--stiffness", "x2", "--damping", "0", "--certify"});
   EXPECT_EQ(done.exit_code, 0) << done.text;
   const std::vector<RobustnessFigure> figures = FiguresIn(motion, 9004);
@@ -1249,7 +1249,7 @@ TEST(RobustnessProgram, ARangeOfTheGroundIsInTheCertificateAndAWrongOneRefused) 
   EXPECT_EQ(figures[0].spreads, "--mass 0.05 --friction 0.2..0.5 --stiffness x2");
   for (const std::string wrong : {"0.5..0.2", "x0.5", "some", "1.5"}) {
     const testing::Outcome refused = testing::RunProgram(
-        {"tumbler-robustness", motion, "--lanes", "--robots", "8", "--friction", wrong});
+        {"tumbler robustness", motion, "--lanes", "--robots", "8", "--friction", wrong});
     EXPECT_EQ(refused.exit_code, 1);
     EXPECT_THAT(refused.text, HasSubstr("--friction: ")) << wrong;
     EXPECT_THAT(refused.text, HasSubstr("allowed: a number from 0 to 1, a range of values"));
@@ -1258,7 +1258,7 @@ TEST(RobustnessProgram, ARangeOfTheGroundIsInTheCertificateAndAWrongOneRefused) 
 
 TEST(RobustnessProgram, AGaitWithoutCyclesIsRefused) {
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-robustness", testing::SourcePath("primitives/nominal/gait.toml")});
+      {"tumbler robustness", testing::SourcePath("primitives/nominal/gait.toml")});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_NE(outcome.text.find("--cycles"), std::string::npos) << outcome.text;
 }

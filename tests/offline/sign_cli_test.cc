@@ -1,5 +1,5 @@
 // A primitive that was changed by hand as a user meets it: every program refuses it, and takes it
-// once tumbler-sign has signed it.
+// once tumbler sign has signed it.
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -40,36 +40,36 @@ class EditedPrimitive : public ::testing::Test {
 TEST_F(EditedPrimitive, EveryProgramRefusesItAndNamesTheWaysOut) {
   const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   const std::vector<std::vector<std::string>> command_lines = {
-      {"tumbler-run", "sim", file_},
-      {"tumbler-run", "sim", folder_ / "gait.toml"},
-      {"tumbler-optimize", task, "--start-from", file_},
-      {"tumbler-chain", "check", folder_ / "gait.toml"},
-      {"tumbler-export", file_, "--header", folder_ / "out.h"},
-      {"tumbler-report", file_, "--out", folder_ / "page"},
-      {"tumbler-twin", "can9", file_}};
+      {"tumbler run", "sim", file_},
+      {"tumbler run", "sim", folder_ / "gait.toml"},
+      {"tumbler optimize", task, "--start-from", file_},
+      {"tumbler chain", "check", folder_ / "gait.toml"},
+      {"tumbler export", file_, "--header", folder_ / "out.h"},
+      {"tumbler view", file_, "--out", folder_ / "page"},
+      {"tumbler twin", "can9", file_}};
   for (const auto& command_line : command_lines) {
     const Outcome outcome = RunProgram(command_line);
     EXPECT_EQ(outcome.exit_code, 1) << command_line[0];
     EXPECT_THAT(
         outcome.text,
         AllOf(HasSubstr(file_ + ":5: content_hash: is 'fnv1a64:"), HasSubstr("hash to 'fnv"),
-              HasSubstr("make it again with tumbler-optimize, or sign the change with "
-                        "tumbler-sign")))
+              HasSubstr("make it again with tumbler optimize, or sign the change with "
+                        "tumbler sign")))
         << command_line[0];
   }
 }
 
 TEST_F(EditedPrimitive, OnceSignedItIsPlayedWithAWarning) {
-  const Outcome signed_now = RunProgram({"tumbler-sign", file_, "--because", "a stronger motor"});
+  const Outcome signed_now = RunProgram({"tumbler sign", file_, "--because", "a stronger motor"});
   ASSERT_EQ(signed_now.exit_code, 0) << signed_now.text;
   EXPECT_THAT(signed_now.text, HasSubstr("signed as changed by hand: a stronger motor"));
   EXPECT_EQ(LoadPrimitive(file_).provenance.edited, "a stronger motor");
   EXPECT_THAT(ReadFile(file_), HasSubstr("\npeak_torque_nm = 1"));
-  const Outcome run = RunProgram({"tumbler-run", "sim", file_});
+  const Outcome run = RunProgram({"tumbler run", "sim", file_});
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("warning: primitive 'handstand' was changed by hand after it was "
                                   "made and verified: a stronger motor"));
-  const Outcome unchanged = RunProgram({"tumbler-run", "sim", folder_ / "downstand.toml"});
+  const Outcome unchanged = RunProgram({"tumbler run", "sim", folder_ / "downstand.toml"});
   EXPECT_THAT(unchanged.text, Not(HasSubstr("changed by hand")));
 }
 
@@ -79,13 +79,13 @@ TEST_F(EditedPrimitive, WhatCannotBeSignedIsLeftAsItIs) {
        {std::pair(untouched, "nothing was changed"), std::pair(file_, ""),
         std::pair(file_, "red \x1b[31m on a terminal"), std::pair(file_, "two\nlines")}) {
     const std::string before = ReadFile(file);
-    EXPECT_EQ(RunProgram({"tumbler-sign", file, "--because", reason}).exit_code, 1) << reason;
+    EXPECT_EQ(RunProgram({"tumbler sign", file, "--because", reason}).exit_code, 1) << reason;
     EXPECT_EQ(ReadFile(file), before) << reason;
   }
-  EXPECT_EQ(RunProgram({"tumbler-sign", file_}).exit_code, 1) << "without a reason";
+  EXPECT_EQ(RunProgram({"tumbler sign", file_}).exit_code, 1) << "without a reason";
   WriteFile(file_, Replaced(ReadFile(file_), "torque_max_nm = 8.0", "torque_max_nm = 1.0"));
   const std::string before = ReadFile(file_);
-  const Outcome outcome = RunProgram({"tumbler-sign", file_, "--because", "a weaker motor"});
+  const Outcome outcome = RunProgram({"tumbler sign", file_, "--because", "a weaker motor"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr(" s; allowed: >= -1 N m (limits.torque_max_nm)"));
   EXPECT_EQ(ReadFile(file_), before);

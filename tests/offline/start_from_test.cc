@@ -133,7 +133,7 @@ TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
   const TaskFolder folder(TaskBack());
   WriteFile(folder / "before.toml", ToToml(TheOneBefore()));
   const auto run = [&folder](const std::string& from, const std::string& to) {
-    Program program({testing::ProgramPath("tumbler-optimize"), folder.task_file(), "--start-from",
+    Program program({testing::ProgramPath("tumbler optimize"), folder.task_file(), "--start-from",
                      folder / from, "--out", folder / to});
     const int status = program.Wait();
     return std::pair(status, program.text());
@@ -156,7 +156,7 @@ TEST(Guess, TheProgramSolvesFromItAndRecordsIt) {
   const TaskFolder folder(Replaced(QuickTask(), "duration_s = 0.5", "duration_s = 0.55"));
   WriteFile(folder / "known.toml", ToToml(TheOneBefore()));
   const auto run = [&folder](std::vector<std::string> options) {
-    std::vector<std::string> line = {testing::ProgramPath("tumbler-optimize"), folder.task_file(),
+    std::vector<std::string> line = {testing::ProgramPath("tumbler optimize"), folder.task_file(),
                                      "--guess", folder / "known.toml"};
     line.insert(line.end(), options.begin(), options.end());
     Program program(line);

@@ -1,4 +1,4 @@
-// tumbler-sweep as a user meets it.
+// tumbler sweep as a user meets it.
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ using testing::TaskFolder;
 
 Program Sweep(const TaskFolder& folder, const std::string& out, std::vector<std::string> more) {
   more.insert(more.begin(),
-              {testing::ProgramPath("tumbler-sweep"), folder.task_file(), "--out", folder / out});
+              {testing::ProgramPath("tumbler sweep"), folder.task_file(), "--out", folder / out});
   return Program(more);
 }
 
@@ -67,7 +67,7 @@ TEST(SweepCli, MakesALibraryWhosePrimitivesSayWhatTheyWereMadeFor) {
   }
   // Any program takes them.
   EXPECT_EQ(
-      testing::RunProgram({"tumbler-run", "sim", folder / "library/handstand-0003.toml"}).exit_code,
+      testing::RunProgram({"tumbler run", "sim", folder / "library/handstand-0003.toml"}).exit_code,
       0);
 }
 
@@ -76,7 +76,7 @@ TEST(SweepCli, APointIsWhatTheOptimiserMakesOfItsTask) {
   ASSERT_EQ(Sweep(folder, "library", {"--over", "contact.mu=0.5"}).Wait(), 0);
   testing::WriteFile(folder.task_file(), testing::Replaced(QuickTask(), "mu = 0.3", "mu = 0.5"));
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-optimize", folder.task_file(), "--out", folder / "motion.toml"});
+      {"tumbler optimize", folder.task_file(), "--out", folder / "motion.toml"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_TRUE(ReadFile(folder / "library/handstand-0000.toml") == ReadFile(folder / "motion.toml"));
 }
@@ -144,7 +144,7 @@ TEST(SweepCli, RefusesAFolderOfOtherThingsAndALibraryOfOtherPoints) {
   testing::WriteFile(folder / "notes/diary.txt", "dear diary");
   Program other = Sweep(folder, "notes", {"--over", "mass=1"});
   EXPECT_EQ(other.Wait(), 1);
-  EXPECT_THAT(other.text(), HasSubstr("is no library of tumbler-sweep"));
+  EXPECT_THAT(other.text(), HasSubstr("is no library of tumbler sweep"));
   EXPECT_EQ(folder.Listing().count("notes/points.jsonl"), 0U);
   ASSERT_EQ(Sweep(folder, "library", {"--over", "mass=1"}).Wait(), 0);
   const std::string before = ReadFile(folder / "library/library.json");

@@ -174,7 +174,7 @@ TEST(TimedPurpose, IsToldByTheProgramsWithItsResultAndJudgedInARun) {
                      Replaced(WithTerm(FootTerm("point_z", "time_s = 0.25", "0.07")), "seed = 1",
                               "seed = 1\nbatch = 30\nmax_samples = 30\nrefine = 2"));
   const testing::Outcome found = testing::RunProgram(
-      {"tumbler-optimize", folder / "task.toml", "--out", folder / "motion.toml", "--json",
+      {"tumbler optimize", folder / "task.toml", "--out", folder / "motion.toml", "--json",
        folder / "figures.json", "--report", folder / "report"});
   ASSERT_EQ(found.exit_code, 0) << found.text;
   const std::string name = "point_z of leg1_link at (0.2, 0), at 0.25 s";
@@ -185,7 +185,7 @@ TEST(TimedPurpose, IsToldByTheProgramsWithItsResultAndJudgedInARun) {
   const auto foot = std::ranges::find(file.purpose, name, &PurposeTarget::name);
   ASSERT_NE(foot, file.purpose.end());
   EXPECT_NEAR(foot->result, 0.07, 0.02);
-  const testing::Outcome run = testing::RunProgram({"tumbler-run", "sim", folder / "motion.toml"});
+  const testing::Outcome run = testing::RunProgram({"tumbler run", "sim", folder / "motion.toml"});
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("pitch, 2 s later: asked 0, got"));
   EXPECT_THAT(run.text, HasSubstr("    " + name + ": asked 0.07, got 0.0"));

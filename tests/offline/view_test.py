@@ -1,4 +1,4 @@
-"""tumbler-view in a browser, with runs and records: view_test.py SOURCES PROGRAMS [TEST...]
+"""tumbler view in a browser, with runs and records: view_test.py SOURCES PROGRAMS [TEST...]
 
 Has to run in a network namespace of its own, with a loopback that takes multicast."""
 
@@ -29,19 +29,21 @@ GAIT = os.path.join(SOURCES, "primitives/nominal/gait.toml")
 STOP, DISARM = 5, 6
 
 
-def program(name):
-    return os.path.join(PROGRAMS, name)
+def command(name, *arguments):
+    """The words of a command such as `tumbler run`."""
+    program, *words = name.split()
+    return [os.path.join(PROGRAMS, program), *words, *arguments]
 
 
 def run(*arguments):
-    return subprocess.run([program(arguments[0]), *arguments[1:]], capture_output=True, text=True, timeout=120)
+    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120)
 
 
 class Beside:
     """A program that runs beside the test."""
 
     def __init__(self, *arguments):
-        self.process = subprocess.Popen([program(arguments[0]), *arguments[1:]], stdout=subprocess.PIPE,
+        self.process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE,
                                         stderr=subprocess.STDOUT, text=True)
 
     def end(self, how=signal.SIGINT):
@@ -53,7 +55,7 @@ class Beside:
 
 class View(Beside):
     def __init__(self, *arguments):
-        super().__init__("tumbler-view", *arguments, "--port", "0")
+        super().__init__("tumbler view", *arguments, "--port", "0")
         line = self.process.stdout.readline()
         assert "http://" in line, line
         self.url = line.split()[-1]
@@ -118,7 +120,7 @@ class OfARecord(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.record = os.path.join(cls.folder.name, "gait.rec")
         cls.trace = os.path.join(cls.folder.name, "gait.csv")
-        done = run("tumbler-run", "sim", GAIT, "--cycles", "1", "--record", cls.record, "--trace", cls.trace)
+        done = run("tumbler run", "sim", GAIT, "--cycles", "1", "--record", cls.record, "--csv", cls.trace)
         assert done.returncode == 0, done.stdout + done.stderr
         cls.view = View(cls.record)
         cls.browser = Browser()
@@ -176,7 +178,7 @@ class OfARecord(unittest.TestCase):
 
     def test_refuses_files_that_are_no_records(self):
         for path in (GAIT, self.folder.name, self.folder.name + "/none", "/dev/null"):
-            refused = run("tumbler-view", path)
+            refused = run("tumbler view", path)
             self.assertEqual(refused.returncode, 1, refused.stdout)
             self.assertIn(path, refused.stderr)
 
@@ -216,7 +218,7 @@ class Live(unittest.TestCase):
         return other
 
     def play(self, *more):
-        return self.keep(Beside("tumbler-run", "sim", GAIT, "--realtime", "--lcm-url", URL, "--attended", "--drives",
+        return self.keep(Beside("tumbler run", "sim", GAIT, "--realtime", "--lcm-url", URL, "--attended", "--drives",
                                 self.drives, "--faults", self.faults, *more))
 
     def view(self, *more):
@@ -228,12 +230,12 @@ class Live(unittest.TestCase):
 
     def start(self):
         for _ in range(20):
-            if run("tumbler-ctl", "start", "--lcm-url", URL).returncode == 0:
+            if run("tumbler ctl", "start", "--lcm-url", URL).returncode == 0:
                 return
-        self.fail("tumbler-ctl could not start the run")
+        self.fail("tumbler ctl could not start the run")
 
     def state(self):
-        status = json.loads(run("tumbler-ctl", "status", "--json", "--lcm-url", URL).stdout)
+        status = json.loads(run("tumbler ctl", "status", "--json", "--lcm-url", URL).stdout)
         with open(os.path.join(SOURCES, "docs/schemas/tumbler-ctl.schema.json")) as schema:
             jsonschema.validate(status, json.load(schema))
         return status["state"]
@@ -321,10 +323,10 @@ class Live(unittest.TestCase):
             view = self.view() if viewed else None
             browser = self.page(view) if viewed else None
             record = os.path.join(self.folder.name, f"{viewed}.rec")
-            done = run("tumbler-run", "sim", GAIT, "--cycles", "1", "--lcm-url", URL, "--record", record)
+            done = run("tumbler run", "sim", GAIT, "--cycles", "1", "--lcm-url", URL, "--record", record)
             self.assertEqual(done.returncode, 0, done.stderr)
             log = record + ".log"
-            self.assertEqual(run("tumbler-record", record, "--candump", log).returncode, 0)
+            self.assertEqual(run("tumbler record", record, "--candump", log).returncode, 0)
             with open(log) as file:
                 frames.append(file.read())
             if viewed:
@@ -483,12 +485,12 @@ class Live(unittest.TestCase):
 
     def test_says_that_the_port_is_taken_or_the_url_cannot_be_used(self):
         view = self.view()
-        second = run("tumbler-view", "--lcm-url", URL, "--port", str(view.port))
+        second = run("tumbler view", "--lcm-url", URL, "--port", str(view.port))
         self.assertEqual(second.returncode, 1)
         self.assertRegex(second.stderr, rf"--port: cannot listen at 127.0.0.1:{view.port}: Address already in use")
         for wrong in (["--lcm-url", "nonsense"], ["--lcm-url", URL, "--bind", "example.org"],
                       ["--lcm-url", URL, "--motion", "none.toml"], ["--port", "0"], ["--lcm-url", URL, "--bind", "8.8.8.8"]):
-            self.assertEqual(run("tumbler-view", *wrong).returncode, 1, wrong)
+            self.assertEqual(run("tumbler view", *wrong).returncode, 1, wrong)
 
 
 if __name__ == "__main__":

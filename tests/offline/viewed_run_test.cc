@@ -1,4 +1,4 @@
-// What tumbler-view makes of telemetry.
+// What tumbler view makes of telemetry.
 
 #include "offline/pages/viewed_run.h"
 

@@ -55,7 +55,7 @@ struct Whips {
     bar = Replaced(bar, "[start]\n", "[start]\nx_m = 0.0\nz_m = 0.0\npitch_rad = 0.0\n");
     testing::WriteFile(folder / "bar_task.toml", bar);
     for (const std::string name : {"fixed", "bar"}) {
-      const testing::Outcome found = RunProgram({"tumbler-optimize", folder / (name + "_task.toml"),
+      const testing::Outcome found = RunProgram({"tumbler optimize", folder / (name + "_task.toml"),
                                                  "--quiet", "--out", folder / (name + ".toml")});
       EXPECT_EQ(found.exit_code, 0) << found.text;
     }
@@ -78,7 +78,7 @@ RobustnessStudy StudyOf(const std::string& root) {
 TEST(Whip, ARunIsJudgedByItsTipAlsoBeforeTheMotionEnds) {
   const testing::TemporaryFolder folder;
   const testing::Outcome run =
-      RunProgram({"tumbler-run", "sim", Whip("fixed"), "--json", folder / "run.json"});
+      RunProgram({"tumbler run", "sim", Whip("fixed"), "--json", folder / "run.json"});
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text,
               AllOf(HasSubstr("root fixed: as asked\n"),
@@ -93,7 +93,7 @@ TEST(Whip, ARunIsJudgedByItsTipAlsoBeforeTheMotionEnds) {
 TEST(Whip, ARunThatEndsBeforeItCanBeJudgedIsNoSuccess) {
   // The rate is asked for where it has settled.
   const testing::Outcome run =
-      RunProgram({"tumbler-run", "sim", testing::SourcePath("primitives/hopper/hopper.toml"),
+      RunProgram({"tumbler run", "sim", testing::SourcePath("primitives/hopper/hopper.toml"),
                   "--hold-s", "0"});
   EXPECT_EQ(run.exit_code, 4) << run.text;
   EXPECT_THAT(run.text, HasSubstr(": not judged, the run ended before\n"));
@@ -152,7 +152,7 @@ TEST(Whip, AChainJudgesThePurposeOfEachMotion) {
 /// A run of the whip on a fixed root, with its record.
 struct Recorded {
   Recorded() {
-    const testing::Outcome run = RunProgram({"tumbler-run", "sim", Whip("fixed"), "--record",
+    const testing::Outcome run = RunProgram({"tumbler run", "sim", Whip("fixed"), "--record",
                                              folder / "run.rec", "--json", folder / "run.json"});
     EXPECT_EQ(run.exit_code, 0) << run.text;
   }
@@ -189,7 +189,7 @@ TEST(WhipsTruth, TheTipIsDrawnWhereItWasJudged) {
 TEST(WhipsTruth, ATableOfItHasTheJointWithoutAMotor) {
   const std::string csv = TheRun().folder / "truth.csv";
   EXPECT_EQ(
-      RunProgram({"tumbler-record", TheRun().folder / "run.rec", "--truth-csv", csv}).exit_code, 0);
+      RunProgram({"tumbler record", TheRun().folder / "run.rec", "--truth-csv", csv}).exit_code, 0);
   const std::string text = testing::ReadFile(csv);
   EXPECT_THAT(text.substr(0, text.find('\n')),
               HasSubstr("elbow_torque_nm,pin_position_rad,pin_velocity_rad_s,pin_torque_nm"));

@@ -155,7 +155,7 @@ TEST(Window, OfAModelThatIsNotAsAskedIsNoneAndNothingIsCertified) {
   testing::WriteFile(drives, soft);
   const std::string before = testing::ReadFile(motion);
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-robustness", motion, "--window", "--drives", drives, "--certify"});
+      {"tumbler robustness", motion, "--window", "--drives", drives, "--certify"});
   EXPECT_EQ(outcome.exit_code, 4) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("the model itself is not as asked, so there is no window"));
   EXPECT_THAT(outcome.text, HasSubstr("nothing was certified"));
@@ -184,7 +184,7 @@ TEST(Window, GoesIntoThePrimitiveAndOnItsPageAndANewerOneTakesItsPlace) {
     EXPECT_EQ(ContentHash(without), ContentHash(before)) << "the rest is as it was";
   }
   const testing::Outcome page =
-      testing::RunProgram({"tumbler-report", motion, "--out", folder / "page"});
+      testing::RunProgram({"tumbler view", motion, "--out", folder / "page"});
   EXPECT_EQ(page.exit_code, 0) << page.text;
   EXPECT_THAT(testing::ReadFile(folder / "page/index.html"), HasSubstr("as asked with stiffness"));
 }
@@ -203,7 +203,7 @@ TEST(Window, IsNotWrittenIntoAMotionThatWasReplacedSince) {
 
 TEST(Window, OfASequenceIsThatOfTheWholeAndIsNotWrittenIntoItsPrimitives) {
   const testing::Outcome refused =
-      testing::RunProgram({"tumbler-robustness", Shipped("nominal/gait.toml"), "--window",
+      testing::RunProgram({"tumbler robustness", Shipped("nominal/gait.toml"), "--window",
                            "--cycles", "1", "--certify"});
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_THAT(refused.text, HasSubstr("--certify: a window is written into a primitive"));
@@ -229,7 +229,7 @@ TEST(Window, IsShownOfThePrimitivesOfASequence) {
   window.damping_n_s_per_m = window.damping_scanned_n_s_per_m = {50, 200};
   testing::WriteFile(folder / "handstand.toml", ToToml(handstand));
   const testing::Outcome chain =
-      testing::RunProgram({"tumbler-chain", "check", folder / "gait.toml"});
+      testing::RunProgram({"tumbler chain", "check", folder / "gait.toml"});
   EXPECT_EQ(chain.exit_code, 0) << chain.text;
   EXPECT_THAT(chain.text,
               HasSubstr("as asked with friction: 0.2 or less to 0.4 or more; in lanes"));
@@ -267,7 +267,7 @@ TEST(Window, TakesNoOptionsThatAreAboutRobots) {
                                                {"--drops"},
                                                {"--scale", "2"},
                                                {"--push", "2"}}) {
-    std::vector<std::string> command = {"tumbler-robustness", Shipped("handstand.toml"),
+    std::vector<std::string> command = {"tumbler robustness", Shipped("handstand.toml"),
                                         "--window"};
     command.insert(command.end(), more.begin(), more.end());
     const testing::Outcome refused = testing::RunProgram(command);
@@ -278,7 +278,7 @@ TEST(Window, TakesNoOptionsThatAreAboutRobots) {
 
 TEST(Window, OfARobotWithoutGroundIsRefused) {
   const testing::Outcome refused =
-      testing::RunProgram({"tumbler-robustness", Shipped("acrobot/acrobot.toml"), "--window",
+      testing::RunProgram({"tumbler robustness", Shipped("acrobot/acrobot.toml"), "--window",
                            "--drives", Shipped("acrobot/drives.toml")});
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
   EXPECT_THAT(refused.text, HasSubstr("there is no ground in its task"));

@@ -1,11 +1,14 @@
-// What all programs have in common: help, version, wrong usage, manual page and completion.
+// What the programs of all commands have in common: help, version, wrong usage, manual page and
+// completion.
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/files.h"
@@ -23,7 +26,10 @@ using testing::RunProgram;
 std::vector<std::string> AllPrograms() {
   std::vector<std::string> names;
   std::istringstream list(TUMBLER_PROGRAMS);
-  for (std::string name; std::getline(list, name, ',');) names.push_back(name);
+  for (std::string name; std::getline(list, name, ',');) {
+    std::replace(name.begin(), name.end(), '-', ' ');  // the target tumbler-run is `tumbler run`
+    names.push_back(name);
+  }
   return names;
 }
 
@@ -91,11 +97,10 @@ TEST_P(EveryProgram, HasAManualPageThatTroffTakesWithoutAComplaint) {
 
 /// What bash offers for a word: names, a line each.
 std::string Offered(const std::string& program, const std::string& words) {
-  std::string function = "_" + program;
-  std::replace(function.begin(), function.end(), '-', '_');
-  return RunInShell("bash -c 'source <(" + program + " --bash-completion); COMP_WORDS=(" + program +
-                    " " + words + "); COMP_CWORD=$((${#COMP_WORDS[@]}-1)); " + function +
-                    " 2>/dev/null; printf \"%s\\n\" \"${COMPREPLY[@]}\"'")
+  return RunInShell("bash -c 'source <(tumbler --bash-completion); COMP_WORDS=(" + program + " " +
+                    words +
+                    "); COMP_CWORD=$((${#COMP_WORDS[@]}-1)); _tumbler 2>/dev/null; "
+                    "printf \"%s\\n\" \"${COMPREPLY[@]}\"'")
       .text;
 }
 
@@ -105,19 +110,117 @@ TEST_P(EveryProgram, CompletesItsOptions) {
 }
 
 TEST(Completion, OffersSubcommandsTheirOptionsAndNamesToChooseFrom) {
-  EXPECT_EQ(Offered("tumbler-ctl", "st"), "start\nstop\nstatus\n");
-  EXPECT_EQ(Offered("tumbler-ctl", "status --js"), "--json\n");
-  EXPECT_EQ(Offered("tumbler-ctl", "start --js"), "\n");
-  EXPECT_EQ(Offered("tumbler-run", "--scheduling d"), "deadline\n");
-  EXPECT_EQ(Offered("tumbler-run", "--scheduling = f"), "fifo\n");
-  EXPECT_EQ(Offered("tumbler-run", "--cpu \"\""), "\n");
-  EXPECT_EQ(Offered("tumbler-bench", "scan --pass"), "--passive\n");
+  EXPECT_EQ(Offered("tumbler ctl", "st"), "start\nstop\nstatus\n");
+  EXPECT_EQ(Offered("tumbler ctl", "status --js"), "--json\n");
+  EXPECT_EQ(Offered("tumbler ctl", "start --js"), "\n");
+  EXPECT_EQ(Offered("tumbler run", "--scheduling d"), "deadline\n");
+  EXPECT_EQ(Offered("tumbler run", "--scheduling = f"), "fifo\n");
+  EXPECT_EQ(Offered("tumbler run", "--cpu \"\""), "\n");
+  EXPECT_EQ(Offered("tumbler bench", "scan --pass"), "--passive\n");
+}
+
+TEST(Completion, OffersCommandsFirst) {
+  EXPECT_EQ(Offered("tumbler", "re"), "replay\nrecord\n");
+  EXPECT_EQ(Offered("tumbler", "help re"), "replay\nrecord\n");
+  EXPECT_EQ(Offered("tumbler", "h"), "help\n");
+  EXPECT_EQ(Offered("tumbler", "--v"), "--version\n");
+  EXPECT_EQ(Offered("tumbler", "nonsense --"), "\n");
+}
+
+TEST(Tumbler, ListsEveryCommandInFiveGroups) {
+  const Outcome alone = RunProgram({"tumbler"});
+  EXPECT_EQ(alone.exit_code, 0);
+  EXPECT_EQ(RunProgram({"tumbler", "--help"}).text, alone.text);
+  EXPECT_EQ(RunProgram({"tumbler", "help"}).text, alone.text);
+  std::vector<std::string> listed;
+  for (const auto& command : testing::MatchesOf("\n  ([a-z]+) +[A-Z][^\n]+", alone.text))
+    listed.push_back("tumbler " + command[1]);
+  EXPECT_THAT(listed, ::testing::UnorderedElementsAreArray(AllPrograms()));
+  std::size_t at = 0;
+  for (const char* const group : {"Find", "Play", "Look", "Bench", "Study"}) {
+    const std::size_t next = alone.text.find(std::string("\n\n") + group, at);
+    ASSERT_NE(next, std::string::npos) << group;
+    at = next;
+  }
+}
+
+TEST(Tumbler, ShowsTheHelpOfACommandInThreeWays) {
+  const std::string help = RunProgram({"tumbler", "run", "--help"}).text;
+  EXPECT_EQ(RunProgram({"tumbler", "help", "run"}).text, help);
+  EXPECT_EQ(RunProgram({"tumbler", "run", "-h"}).text, help);
+}
+
+TEST(Tumbler, ProposesTheCommandThatMayHaveBeenMeantAndEndsWithStatus1) {
+  for (const auto& [word, meant] :
+       std::vector<std::pair<std::string, std::string>>{{"optimise", "optimize"},
+                                                        {"opt", "optimize"},
+                                                        {"rnu", "run"},
+                                                        {"recrod", "record"},
+                                                        {"robust", "robustness"},
+                                                        {"veiw", "view"},
+                                                        {"Run", "run"}}) {
+    const Outcome outcome = RunProgram({"tumbler", word, "--help"});
+    EXPECT_EQ(outcome.exit_code, 1) << word;
+    EXPECT_THAT(outcome.text,
+                HasSubstr("'" + word + "' is no command; did you mean " + meant + "?"));
+  }
+  for (const std::string word : {"xylophone", "", "../run", "\x1b[31m"}) {
+    const Outcome outcome = RunProgram({"tumbler", word});
+    EXPECT_EQ(outcome.exit_code, 1) << word;
+    EXPECT_THAT(outcome.text, HasSubstr("is no command; `tumbler` alone lists them"));
+    EXPECT_THAT(outcome.text, ::testing::Not(HasSubstr("\x1b")));
+  }
+  EXPECT_EQ(RunProgram({"tumbler", "help", "rnu"}).exit_code, 1);
+  EXPECT_EQ(RunProgram({"tumbler", "help", "run", "now"}).exit_code, 1);
+  EXPECT_EQ(RunProgram({"tumbler", "--nonsense"}).exit_code, 1);
+}
+
+TEST(Tumbler, SaysItsVersionAndHasAManualPage) {
+  EXPECT_THAT(RunProgram({"tumbler", "--version"}).text,
+              MatchesRegex("tumbler [0-9]+\\.[0-9]+\\.[0-9]+ \\(commit [^)]+\\)\n"));
+  EXPECT_EQ(RunInShell("tumbler --man-page | groff -man -ww -Tascii 2>&1 >/dev/null").text, "");
+}
+
+TEST(Tumbler, BecomesTheProgramOfACommandWithItsInputItsNumberAndItsStatus) {
+  // Nothing stands between a command and who started it: a signal reaches the program itself.
+  const testing::TemporaryFolder folder;
+  const Outcome outcome = RunInShell(
+      "cd '" + std::string(folder / "") + "' || exit 1; tumbler run sim " +
+      testing::SourcePath("primitives/nominal/handstand.toml") +
+      " --realtime --end torque-off --csv out.csv >/dev/null 2>&1 & run=$!; "
+      "until [ -s out.csv ]; do sleep 0.05; done; cat /proc/$run/comm; kill -TERM $run; wait $run");
+  EXPECT_EQ(outcome.text, "tumbler run\n");
+  // Where the machine is too busy to keep the pace of the clock, that is a fault.
+  EXPECT_THAT(outcome.exit_code, ::testing::AnyOf(130, 3));
+  EXPECT_EQ(
+      RunInShell("tumbler model hybrid " + testing::SourcePath("primitives/robots/tumbler.urdf") +
+                 " --prescribed leg1 </dev/null")
+          .text,
+      "");
+}
+
+TEST(Tumbler, IsFoundThroughALinkAndSaysWhatBringsACommandThatIsMissing) {
+  const testing::TemporaryFolder folder;
+  namespace fs = std::filesystem;
+  fs::create_symlink(testing::ProgramPath("tumbler"), folder / "t");
+  testing::Program linked({folder / "t", "run", "--version"});
+  EXPECT_EQ(linked.Wait(), 0) << linked.text();
+  fs::create_directory(folder / "bin");
+  fs::copy_file(testing::ProgramPath("tumbler"), folder / "bin/tumbler");
+  for (const auto& [command, part] : std::vector<std::pair<std::string, std::string>>{
+           {"optimize", "-DTUMBLER_BUILD_OFFLINE=ON"}, {"run", "--target tumbler-run"}}) {
+    testing::Program alone({folder / "bin/tumbler", command});
+    EXPECT_EQ(alone.Wait(), 1);
+    EXPECT_THAT(alone.text(), HasSubstr("tumbler: " + command + " is not installed here"));
+    EXPECT_THAT(alone.text(), HasSubstr("package tumbler"));
+    EXPECT_THAT(alone.text(), HasSubstr(part));
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Programs, EveryProgram, ::testing::ValuesIn(AllPrograms()),
                          [](const auto& tested) {
                            std::string name = tested.param;
-                           name.erase(std::remove(name.begin(), name.end(), '-'), name.end());
+                           name.erase(std::remove(name.begin(), name.end(), ' '), name.end());
                            return name;
                          });
 

@@ -16,38 +16,39 @@ MOTIONS = ROOT / "primitives"
 
 # Program, its arguments, and the status with which it ends.
 RUNS = [
-    ("tumbler-run", f"sim {MOTIONS}/nominal/handstand.toml --hold-s 0", 0),
-    ("tumbler-run", f"sim {MOTIONS}/nominal/gait.toml --cycles 1 --branch roll --record RECORD", 0),
-    ("tumbler-run", f"sim {MOTIONS}/nominal/handstand.toml --bus-faults {ROOT}/tests/data/bus_faults.toml", 3),
-    ("tumbler-run", f"sim {MOTIONS}/nominal/handstand.toml --twin WEAK", 3),
-    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --drives {MOTIONS}/robots/tumbler_drives_sensor.toml", 0),
-    ("tumbler-run", f"sim {MOTIONS}/hopper/hopper.toml --hold-s 0", 4),
-    ("tumbler-chain", f"simulate {MOTIONS}/nominal/gait.toml --cycles 1", 0),
-    ("tumbler-chain", f"simulate {MOTIONS}/nominal/gait.toml --cycles 1 --last-hold 0", 4),
-    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 400 --lanes --scale 2.5", 0),
-    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 4 --compare-lanes", 0),
-    ("tumbler-robustness", f"{MOTIONS}/nominal/gait.toml --cycles 1 --robots 2", 0),
-    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 8 --lanes --friction 0.15..1 --stiffness x10", 0),
-    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --window", 0),
-    ("tumbler-abort", f"{MOTIONS}/handstand.toml --robots 2 --step 0.4", 0),
-    ("tumbler-abort", f"{MOTIONS}/handstand.toml --check 4", 0),
-    ("tumbler-optimize", f"{MOTIONS}/tasks/nominal/downstand.toml --start-from {MOTIONS}/nominal/handstand.toml", 0),
-    ("tumbler-optimize", "QUICK OTHER --minima 1", None),
-    ("tumbler-sweep", "QUICK --over contact.mu=0.3,0.31 --over mass=1,30 --out LIBRARY --guess "
+    ("tumbler run", f"sim {MOTIONS}/nominal/handstand.toml --hold-s 0", 0),
+    ("tumbler run", f"sim {MOTIONS}/nominal/gait.toml --cycles 1 --branch roll --record RECORD", 0),
+    ("tumbler run", f"sim {MOTIONS}/nominal/handstand.toml --bus-faults {ROOT}/tests/data/bus_faults.toml", 3),
+    ("tumbler run", f"sim {MOTIONS}/nominal/handstand.toml --twin WEAK", 3),
+    ("tumbler run", f"sim {MOTIONS}/handstand.toml --drives {MOTIONS}/robots/tumbler_drives_sensor.toml", 0),
+    ("tumbler run", f"sim {MOTIONS}/hopper/hopper.toml --hold-s 0", 4),
+    ("tumbler chain", f"simulate {MOTIONS}/nominal/gait.toml --cycles 1", 0),
+    ("tumbler chain", f"simulate {MOTIONS}/nominal/gait.toml --cycles 1 --hold-s 0", 4),
+    ("tumbler robustness", f"{MOTIONS}/handstand.toml --robots 400 --lanes --scale 2.5", 0),
+    ("tumbler robustness", f"{MOTIONS}/handstand.toml --robots 4 --compare-lanes", 0),
+    ("tumbler robustness", f"{MOTIONS}/nominal/gait.toml --cycles 1 --robots 2", 0),
+    ("tumbler robustness", f"{MOTIONS}/handstand.toml --robots 8 --lanes --friction 0.15..1 --stiffness x10", 0),
+    ("tumbler robustness", f"{MOTIONS}/handstand.toml --window", 0),
+    ("tumbler abort", f"{MOTIONS}/handstand.toml --robots 2 --step 0.4", 0),
+    ("tumbler abort", f"{MOTIONS}/handstand.toml --check 4", 0),
+    ("tumbler optimize", f"{MOTIONS}/tasks/nominal/downstand.toml --start-from {MOTIONS}/nominal/handstand.toml", 0),
+    ("tumbler optimize", "QUICK OTHER --minima 1", None),
+    ("tumbler sweep", "QUICK --over contact.mu=0.3,0.31 --over mass=1,30 --out LIBRARY --guess "
         f"{MOTIONS}/nominal/handstand.toml", 0),
 ] + [
-    ("tumbler-bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/nominal/handstand.toml", 0)
+    ("tumbler bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/nominal/handstand.toml", 0)
     for drives, commands in {
-        "tumbler_drives": ["scan", "dbc --write DRIVES --overwrite", "read", "identify", "jog leg1", "zero", "check", "step leg1", "watchdog"],
-        "tumbler_drives_cansimple": ["read", "latency --seconds 1", "commission --seconds 1 --write DRIVES --overwrite"],
-        "tumbler_drives_akv3": ["read", "watchdog", "commission --seconds 1 --write DRIVES --overwrite"],
+        "tumbler_drives": ["scan", "dbc --out DRIVES --overwrite", "read", "identify", "jog leg1", "zero", "check", "step leg1", "watchdog"],
+        "tumbler_drives_cansimple": ["read", "latency --seconds 1", "commission --seconds 1 --out DRIVES --overwrite"],
+        "tumbler_drives_akv3": ["read", "watchdog", "commission --seconds 1 --out DRIVES --overwrite"],
     }.items()
     for command in commands
 ]
 
 
 def validator(program):
-    schema = json.loads((ROOT / f"docs/schemas/{program}.schema.json").read_text())
+    name = program.replace(" ", "-")
+    schema = json.loads((ROOT / f"docs/schemas/{name}.schema.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
 
@@ -78,7 +79,7 @@ class Schemas(unittest.TestCase):
                 words_of_it = [str(words.get(word, word)) for word in arguments.split()]
                 out = folder / "out.json"
                 done = subprocess.run(
-                    [BIN / program, *words_of_it, "--json", out], capture_output=True, text=True
+                    [BIN / "tumbler", *program.split()[1:], *words_of_it, "--json", out], capture_output=True, text=True
                 )
                 if status is not None:
                     self.assertEqual(done.returncode, status, arguments + done.stdout + done.stderr)

@@ -1,4 +1,4 @@
-// tumbler-bench on the CAN interface of a kernel. Simulated drives in another process are not as
+// tumbler bench on the CAN interface of a kernel. Simulated drives in another process are not as
 // the drives file says; with the file that is written, the handstand succeeds on a robot with the
 // same drives.
 //
@@ -33,9 +33,9 @@ using testing::ReplacedAll;
 using testing::VirtualCan;
 
 const std::string kBenchMotion = testing::SourcePath("primitives/nominal/handstand.toml");
-constexpr int kRemains = 4;       // exit status of tumbler-bench
+constexpr int kRemains = 4;       // exit status of tumbler bench
 constexpr int kBenchFault = 3;    // likewise
-constexpr int kBenchRefused = 2;  // likewise, and of tumbler-run
+constexpr int kBenchRefused = 2;  // likewise, and of tumbler run
 constexpr int kBenchEnded = 130;  // likewise
 
 class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
@@ -71,7 +71,7 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   void StartDrives(const std::string& interface, const std::vector<std::string>& more = {},
                    const std::string& friction = "0.1") {
-    std::vector<std::string> arguments{testing::ProgramPath("tumbler-drives"),
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler drives"),
                                        interface,
                                        Path("actual.toml"),
                                        "--friction",
@@ -90,7 +90,7 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
   }
   [[nodiscard]] std::unique_ptr<Program> StartBench(const std::string& interface,
                                                     const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{testing::ProgramPath("tumbler-bench"),
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler bench"),
                                        interface,
                                        "--drives",
                                        Path("draft.toml"),
@@ -99,12 +99,12 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return std::make_unique<Program>(arguments);
   }
-  /// Plays the handstand on a robot with the drives as they are. @returns tumbler-run's status.
+  /// Plays the handstand on a robot with the drives as they are. @returns tumbler run's status.
   int PlayHandstand(const std::string& interface, const std::string& drives, std::string& text) {
-    Program twin({testing::ProgramPath("tumbler-twin"), interface, kBenchMotion, "--drives",
+    Program twin({testing::ProgramPath("tumbler twin"), interface, kBenchMotion, "--drives",
                   Path("actual.toml"), "--pace", "0.25", "--json", Path("truth.json")});
     EXPECT_TRUE(twin.WaitFor("2 drives on " + interface)) << twin.text();
-    Program run({testing::ProgramPath("tumbler-run"), interface, kBenchMotion, "--pace", "0.25",
+    Program run({testing::ProgramPath("tumbler run"), interface, kBenchMotion, "--pace", "0.25",
                  "--drives", Path(drives), "--arm", "--realtime", "--without-watchdog", "--hold-s",
                  "0.5", "--end", "torque-off"});
     const int status = run.Wait();
@@ -115,10 +115,10 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
   }
 
   /// Runs the handstand with the draft on drives that have to prove themselves. @returns
-  /// tumbler-run's status.
+  /// tumbler run's status.
   int Prove(const std::string& interface, const std::vector<std::string>& how,
             std::string& text) const {
-    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler run"),
                                        interface,
                                        kBenchMotion,
                                        "--drives",
@@ -196,7 +196,7 @@ TEST_P(BenchOnCan, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileT
     StartDrives(can.name(), {"--bus-faults", Path("noise.toml")});
     const std::unique_ptr<Program> bench =
         StartBench(can.name(), {"commission", "--arm", "--yes", "--answers", Path("answers"),
-                                "--without-turning", "--seconds", "3", "--write",
+                                "--without-turning", "--seconds", "3", "--out",
                                 Path("written.toml"), "--overwrite", "--json", Path("bench.json")});
     ASSERT_EQ(bench->Wait(), kRemains) << bench->text();
     for (const char* kind :
@@ -234,7 +234,7 @@ TEST_P(BenchOnCan, AnInterruptInMidMotionTakesTheTorqueOff) {
     const VirtualCan can;
     StartDrives(can.name());
     const std::unique_ptr<Program> bench =
-        StartBench(can.name(), {"jog", "leg1", "--arm", "--yes", "--speed", "0.02"});
+        StartBench(can.name(), {"jog", "leg1", "--arm", "--yes", "--velocity", "0.02"});
     ASSERT_TRUE(drives_->WaitFor(": enabled")) << bench->text();
     bench->Signal(SIGINT);
     EXPECT_EQ(bench->Wait(), kBenchEnded) << bench->text();
@@ -254,11 +254,11 @@ TEST_P(BenchOnCan, WithoutArmNothingMovesAndTwoProgramsDoNotShareAnInterface) {
     ASSERT_TRUE(testing::Eventually([&] { return testing::ReceiversOn(can.name()) > 0; }));
     bench = StartBench(can.name(), {"scan"});
     EXPECT_EQ(bench->Wait(), 2) << bench->text();
-    EXPECT_THAT(bench->text(), HasSubstr("(tumbler-bench) drives the motors on"));
-    Program run({testing::ProgramPath("tumbler-run"), can.name(), kBenchMotion, "--drives",
+    EXPECT_THAT(bench->text(), HasSubstr("(tumbler bench) drives the motors on"));
+    Program run({testing::ProgramPath("tumbler run"), can.name(), kBenchMotion, "--drives",
                  Path("draft.toml"), "--arm", "--without-realtime", "--without-watchdog"});
     EXPECT_EQ(run.Wait(), 2) << run.text();
-    EXPECT_THAT(run.text(), HasSubstr("(tumbler-bench) drives the motors on"));
+    EXPECT_THAT(run.text(), HasSubstr("(tumbler bench) drives the motors on"));
     first->Signal(SIGTERM);
     EXPECT_EQ(first->Wait(), kBenchEnded) << first->text();
     EndDrives();
@@ -271,7 +271,7 @@ TEST_P(BenchOnCan, AnInterfaceThatGoesAwayInMidMotionIsAFault) {
     const VirtualCan can;
     StartDrives(can.name());
     const std::unique_ptr<Program> bench =
-        StartBench(can.name(), {"jog", "leg1", "--arm", "--yes", "--speed", "0.02"});
+        StartBench(can.name(), {"jog", "leg1", "--arm", "--yes", "--velocity", "0.02"});
     ASSERT_TRUE(drives_->WaitFor(": enabled")) << bench->text();
     can.Down();
     EXPECT_EQ(bench->Wait(), kBenchFault) << bench->text();
@@ -287,12 +287,12 @@ TEST_P(BenchOnTwin, ARobotInAStandIsCommissionedWithItsPhysics) {
     const VirtualCan can;
     testing::WriteFile(Path("stand.toml"),
                        "format = \"tumbler-twin\"\nversion = 1\n[start]\nstand_m = 0.5\n");
-    Program twin({testing::ProgramPath("tumbler-twin"), can.name(), kBenchMotion, "--drives",
-                  Path("actual.toml"), "--config", Path("stand.toml")});
+    Program twin({testing::ProgramPath("tumbler twin"), can.name(), kBenchMotion, "--drives",
+                  Path("actual.toml"), "--twin", Path("stand.toml")});
     ASSERT_TRUE(twin.WaitFor("2 drives on " + can.name())) << twin.text();
     const std::unique_ptr<Program> bench =
         StartBench(can.name(), {"commission", "--arm", "--yes", "--answers", Path("answers"),
-                                "--without-turning", "--seconds", "1", "--write",
+                                "--without-turning", "--seconds", "1", "--out",
                                 Path("written.toml"), "--overwrite"});
     ASSERT_EQ(bench->Wait(), kRemains) << bench->text();
     for (const char* kind : {"identifiers-exchanged", "wrong-direction", "zero-off", "no-watchdog"})

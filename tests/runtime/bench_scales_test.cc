@@ -454,8 +454,8 @@ TEST_F(ScalesProgram, RangesOfAnotherModelAreNamedByCommissionAndCheck) {
   actual = ReplacedAll(actual, "torque_nm = [-18.0, 18.0]", "torque_nm = [-25.0, 25.0]");
   testing::WriteFile(Path("actual.toml"), actual);
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
-           {"check"}, {"commission", "--seconds", "1", "--write", Path("written.toml")}}) {
-    std::vector<std::string> arguments{"tumbler-bench", "sim",      "--drives",
+           {"check"}, {"commission", "--seconds", "1", "--out", Path("written.toml")}}) {
+    std::vector<std::string> arguments{"tumbler bench", "sim",      "--drives",
                                        drives_,         "--actual", Path("actual.toml"),
                                        "--motion",      motion_};
     arguments.insert(arguments.end(), command.begin(), command.end());
@@ -470,7 +470,7 @@ TEST_F(ScalesProgram, RangesOfAnotherModelAreNamedByCommissionAndCheck) {
 
 TEST_F(ScalesProgram, WhatIsNotAmissIsListedWithWhatIsNotTold) {
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-bench", "sim", "--drives", drives_, "--motion", motion_, "check"});
+      {"tumbler bench", "sim", "--drives", drives_, "--motion", motion_, "check"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("Nothing is amiss of what was judged:"));
   EXPECT_THAT(outcome.text, HasSubstr("(leg2): reported torque against feed-forward, gains"));
@@ -479,7 +479,7 @@ TEST_F(ScalesProgram, WhatIsNotAmissIsListedWithWhatIsNotTold) {
 }
 
 TEST_F(ScalesProgram, ReadNamesAJointOutsideItsLimitsAndSaysWhenItDoesNotKnowThem) {
-  const std::vector<std::string> read{"tumbler-bench", "sim",        "--drives", drives_,
+  const std::vector<std::string> read{"tumbler bench", "sim",        "--drives", drives_,
                                       "--position",    "leg1=-7.85", "read"};
   std::vector<std::string> with_motion = read;
   with_motion.insert(with_motion.end(), {"--motion", motion_});
@@ -499,7 +499,7 @@ TEST_F(ScalesProgram, TheRatedTorqueThatACia402DriveHoldsIsComparedWithTheFile) 
       Path("actual.toml"),
       ReplacedAll(testing::ReadFile(drives), "rated_torque_nm = 6.0", "rated_torque_nm = 4.0"));
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-bench", "sim", "--drives", drives, "--actual", Path("actual.toml"), "read"});
+      {"tumbler bench", "sim", "--drives", drives, "--actual", Path("actual.toml"), "read"});
   EXPECT_EQ(outcome.exit_code, 4) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("rated torque = 4, and rated_torque_nm of the drives file"));
 }

@@ -1,4 +1,4 @@
-// tumbler-bench on simulated drives that are not as their drives file says.
+// tumbler bench on simulated drives that are not as their drives file says.
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -62,7 +62,7 @@ class BenchSim : public ::testing::TestWithParam<testing::ExampleDrives> {
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
 
   Outcome Bench(const std::vector<std::string>& arguments) const {
-    std::vector<std::string> all{"tumbler-bench",    "sim",      "--drives",
+    std::vector<std::string> all{"tumbler bench",    "sim",      "--drives",
                                  Path("draft.toml"), "--actual", Path("actual.toml"),
                                  "--motion",         kHandstand};
     all.insert(all.end(), arguments.begin(), arguments.end());
@@ -105,8 +105,8 @@ std::vector<std::string> KindsOf(const Json& findings) {
 
 TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileThatItWrites) {
   const Outcome outcome =
-      Bench({"--bus-faults", Path("noise.toml"), "commission", "--write", Path("written.toml"),
-             "--seconds", "5", "--json", Path("bench.json"), "--page", Path("steps.html")});
+      Bench({"--bus-faults", Path("noise.toml"), "commission", "--out", Path("written.toml"),
+             "--seconds", "5", "--json", Path("bench.json"), "--report", Path("steps.html")});
   EXPECT_EQ(outcome.exit_code, kAmiss) << outcome.text;
   ASSERT_TRUE(std::filesystem::exists(Path("bench.json"))) << outcome.text;
   const Json json = Json::Parse(ReadFile(Path("bench.json"))).value();
@@ -122,7 +122,7 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
   const DrivesConfig actual = LoadDrives(Path("actual.toml"));
   ASSERT_EQ(written.drives.size(), 2U);
   EXPECT_THAT(ReadFile(Path("written.toml")),
-              ::testing::StartsWith("# tumbler-bench: done so far: scan, joints and directions, "
+              ::testing::StartsWith("# tumbler bench: done so far: scan, joints and directions, "
                                     "zeros, ways, scales, watchdogs, steps\n"));
   EXPECT_EQ(written.unfinished, "");
   for (std::size_t i = 0; i < 2; ++i) {
@@ -142,7 +142,7 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
   EXPECT_EQ(after.outcome, RunOutcome::kCompleted) << after.reason;
   EXPECT_TRUE(after.falls.empty());
   const Outcome run =
-      testing::RunProgram({"tumbler-run", "sim", kHandstand, "--drives", Path("written.toml")});
+      testing::RunProgram({"tumbler run", "sim", kHandstand, "--drives", Path("written.toml")});
   EXPECT_EQ(run.exit_code, 0) << run.text;
 }
 

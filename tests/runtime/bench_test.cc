@@ -1,4 +1,4 @@
-// The parts of tumbler-bench on simulated drives: what they send, what they find, and how they end.
+// The parts of tumbler bench on simulated drives: what they send, what they find, and how they end.
 
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
@@ -958,7 +958,7 @@ TEST(DrivesDraft, AHalfDoneFileSaysWhatIsLeftAndOnlyTheBenchReadsIt) {
     FAIL() << "was accepted";
   } catch (const FileError& error) {
     EXPECT_THAT(error.what(), HasSubstr("d.toml:4: unfinished: says 'zero of \"leg2\" # not set'"));
-    EXPECT_THAT(error.what(), HasSubstr("finish it with tumbler-bench BUS commission"));
+    EXPECT_THAT(error.what(), HasSubstr("finish it with tumbler bench BUS commission"));
     EXPECT_THAT(error.what(), HasSubstr("or remove this key"));
   }
   // Another draft begins with it; what is left changes, and goes.
@@ -1011,16 +1011,16 @@ class BenchProgram : public ::testing::Test {
 
 TEST_F(BenchProgram, RefusesToMoveMotorsWithoutArm) {
   const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-bench", "can99", "jog", "leg1", "--drives", drives_});
+      testing::RunProgram({"tumbler bench", "can99", "jog", "leg1", "--drives", drives_});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.text, HasSubstr("say so with --arm"));
 }
 
 TEST_F(BenchProgram, DoesNotReplaceAFileUnlessItIsTold) {
   testing::WriteFile(Path("written.toml"), "precious");
-  std::vector<std::string> arguments{"tumbler-bench", "sim",     "zero",
-                                     "--drives",      drives_,   "--motion",
-                                     motion_,         "--write", Path("written.toml")};
+  std::vector<std::string> arguments{"tumbler bench", "sim",   "zero",
+                                     "--drives",      drives_, "--motion",
+                                     motion_,         "--out", Path("written.toml")};
   testing::Outcome outcome = testing::RunProgram(arguments);
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("is there already"));
@@ -1035,14 +1035,14 @@ TEST_F(BenchProgram, NoZeroIsWrittenOfADriveThatHasFallenSilent) {
   testing::WriteFile(Path("faults.toml"),
                      "format = \"tumbler-bus-faults\"\nversion = 1\n"
                      "[[fault]]\nkind = \"disconnect\"\nnode = \"leg1\"\nstart_s = 0.02\n");
-  const std::vector<std::string> bench{"tumbler-bench",     "sim",      "--bus-faults",
+  const std::vector<std::string> bench{"tumbler bench",     "sim",      "--bus-faults",
                                        Path("faults.toml"), "--drives", drives_,
                                        "--motion",          motion_};
   for (const std::string command : {"zero", "read"}) {
     std::vector<std::string> arguments = bench;
     arguments.push_back(command);
     if (command == "zero") {
-      arguments.emplace_back("--write");
+      arguments.emplace_back("--out");
       arguments.push_back(Path("written.toml"));
     }
     const testing::Outcome outcome = testing::RunProgram(arguments);
@@ -1054,23 +1054,23 @@ TEST_F(BenchProgram, NoZeroIsWrittenOfADriveThatHasFallenSilent) {
 
 TEST_F(BenchProgram, ADriveGetsAnotherZeroOnlyWhenArmedWithAFileToWriteAndAnAngle) {
   const auto zero = [&](const std::string& bus, const std::vector<std::string>& more) {
-    std::vector<std::string> arguments{"tumbler-bench", bus,        "zero",
+    std::vector<std::string> arguments{"tumbler bench", bus,        "zero",
                                        "--in-drive",    "--drives", drives_};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return testing::RunProgram(arguments);
   };
-  testing::Outcome outcome = zero("can99", {"--at", "0", "--write", Path("written.toml")});
+  testing::Outcome outcome = zero("can99", {"--at", "0", "--out", Path("written.toml")});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.text, HasSubstr("say so with --arm"));
   outcome = zero("sim", {"--at", "0"});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("--write"));
+  EXPECT_THAT(outcome.text, HasSubstr("--out"));
   for (const std::string at : {"nan", "inf", "1e5"}) {
-    outcome = zero("sim", {"--at", at, "--write", Path("written.toml")});
+    outcome = zero("sim", {"--at", at, "--out", Path("written.toml")});
     EXPECT_EQ(outcome.exit_code, 1) << at;
     EXPECT_THAT(outcome.text, HasSubstr("--at"));
   }
-  outcome = zero("sim", {"--at", "0.2", "--write", Path("written.toml")});
+  outcome = zero("sim", {"--at", "0.2", "--out", Path("written.toml")});
   EXPECT_THAT(outcome.text, HasSubstr("holds no longer"));
   EXPECT_NEAR(JointOf(LoadDrives(Path("written.toml")).drives[1].config).zero_offset_rad, 0.2F,
               0.01F);
@@ -1079,7 +1079,7 @@ TEST_F(BenchProgram, ADriveGetsAnotherZeroOnlyWhenArmedWithAFileToWriteAndAnAngl
 TEST_F(BenchProgram, WhenASecondDriveKeepsItsZeroTheFirstOnesNewZeroIsWritten) {
   testing::WriteFile(Path("answers"), "yes\nyes\nyes\nno\n");
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-bench", "sim", "zero", "--in-drive", "--drives", drives_, "--at", "0.2", "--write",
+      {"tumbler bench", "sim", "zero", "--in-drive", "--drives", drives_, "--at", "0.2", "--out",
        Path("written.toml"), "--answers", Path("answers")});
   EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
   ASSERT_TRUE(std::filesystem::exists(Path("written.toml"))) << outcome.text;
@@ -1091,14 +1091,14 @@ TEST_F(BenchProgram, WhenASecondDriveKeepsItsZeroTheFirstOnesNewZeroIsWritten) {
 TEST_F(BenchProgram, WhenAnswersRunOutItStopsAndSaysSo) {
   testing::WriteFile(Path("answers"), "yes # the way is clear\n");
   const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-bench", "sim", "identify", "--drives", drives_, "--answers", Path("answers")});
+      {"tumbler bench", "sim", "identify", "--drives", drives_, "--answers", Path("answers")});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.text, HasSubstr("has no answer to this"));
 }
 
 TEST_F(BenchProgram, StandardInputAnswersAndTellsWhoTurned) {
   const testing::Outcome outcome = testing::RunInShell(
-      "printf 'yes\\nleg1\\nyes\\nleg2\\n' | tumbler-bench sim identify --ask --drives " + drives_);
+      "printf 'yes\\nleg1\\nyes\\nleg2\\n' | tumbler bench sim identify --ask --drives " + drives_);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("(You see leg1 turn by +0.0"));
   EXPECT_THAT(outcome.text, HasSubstr("Nothing is amiss of what was judged:"));
@@ -1107,25 +1107,25 @@ TEST_F(BenchProgram, StandardInputAnswersAndTellsWhoTurned) {
 TEST_F(BenchProgram, ACommissioningThatIsInterruptedLeavesAFileThatNothingElseUses) {
   testing::WriteFile(Path("answers"), "yes\nleg1\nyes\nyes\nleg2\nyes\n");  // none for the zeros
   const testing::Outcome bench = testing::RunProgram(
-      {"tumbler-bench", "sim", "commission", "--drives", drives_, "--motion", motion_, "--write",
+      {"tumbler bench", "sim", "commission", "--drives", drives_, "--motion", motion_, "--out",
        Path("written.toml"), "--seconds", "1", "--answers", Path("answers")});
   EXPECT_EQ(bench.exit_code, 2) << bench.text;
   const std::string left = "commissioning has left to do: zeros, ways, scales, watchdogs, steps";
   EXPECT_THAT(testing::ReadFile(Path("written.toml")),
               HasSubstr("\nunfinished = \"" + left + "\"\n"));
   const testing::Outcome run =
-      testing::RunProgram({"tumbler-run", "sim", motion_, "--drives", Path("written.toml")});
+      testing::RunProgram({"tumbler run", "sim", motion_, "--drives", Path("written.toml")});
   EXPECT_EQ(run.exit_code, 1) << run.text;
   EXPECT_THAT(run.text, HasSubstr(left));
-  EXPECT_THAT(run.text, HasSubstr("finish it with tumbler-bench BUS commission"));
+  EXPECT_THAT(run.text, HasSubstr("finish it with tumbler bench BUS commission"));
   const testing::Outcome again =
-      testing::RunProgram({"tumbler-bench", "sim", "read", "--drives", Path("written.toml")});
+      testing::RunProgram({"tumbler bench", "sim", "read", "--drives", Path("written.toml")});
   EXPECT_EQ(again.exit_code, 0) << again.text;
 }
 
 TEST_F(BenchProgram, TellsWhichInertiaADrivesDampingTakesWhereItsLoopIsKnown) {
   const auto told = [&](const std::string& drives) {
-    return testing::RunProgram({"tumbler-bench", "sim", "read", "--drives", drives}).text;
+    return testing::RunProgram({"tumbler bench", "sim", "read", "--drives", drives}).text;
   };
   EXPECT_THAT(told(drives_), HasSubstr("(leg1): whether its kd of 5 N m s/rad is stable in the "
                                        "drive's own loop, whose rate is not known (loop_hz)"));
@@ -1141,10 +1141,10 @@ TEST_F(BenchProgram, RefusesWhatWouldExceedItsBounds) {
        std::vector<std::vector<std::string>>{{"jog", "leg1", "--by", "0.2"},
                                              {"step", "leg1", "--size", "0.2"},
                                              {"step", "leg1", "--kp", "100"},
-                                             {"jog", "leg1", "--speed", "nan"},
+                                             {"jog", "leg1", "--velocity", "nan"},
                                              {"jog", "leg3"},
                                              {"jog"}}) {
-    std::vector<std::string> arguments{"tumbler-bench", "sim", "--drives", drives_};
+    std::vector<std::string> arguments{"tumbler bench", "sim", "--drives", drives_};
     arguments.insert(arguments.end(), options.begin(), options.end());
     EXPECT_EQ(testing::RunProgram(arguments).exit_code, 1) << ::testing::PrintToString(options);
   }

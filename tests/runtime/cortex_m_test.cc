@@ -2,7 +2,7 @@
 // byte that leaves the executor, in every tick of the whole shipped gait (two cycles and the roll).
 //
 // This machine plays the motion that the loader gives, with simulated drives, and records the
-// frames that they send. The firmware plays the motion that `tumbler-export` wrote, against that
+// frames that they send. The firmware plays the motion that `tumbler export` wrote, against that
 // recording. `ctest -R CortexM -V` prints sizes, stack and instructions.
 
 #include <fmt/format.h>
@@ -388,7 +388,7 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
   EXPECT_TRUE(states.contains(ExecutorState::kFault));
 }
 
-/// The content of a flight record of tumbler-run, as if this machine had played it.
+/// The content of a flight record of tumbler run, as if this machine had played it.
 Played FromRecord(const std::string& bytes) {
   FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()},
                       "gait.rec");
@@ -428,7 +428,7 @@ TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
   if (LoadDrives(testing::SourcePath(drives.file)).rate_hz != 1000)
     GTEST_SKIP() << "a tick of the firmware is 1 ms";
   const testing::TemporaryFolder folder;
-  Program program({testing::ProgramPath("tumbler-run"), "sim",
+  Program program({testing::ProgramPath("tumbler run"), "sim",
                    testing::SourcePath("primitives/cartwheel.toml"), "--drives",
                    testing::SourcePath(drives.file), "--cycles", std::to_string(kCycles),
                    "--branch", kBranch, "--record", folder / "gait.rec"});
@@ -451,7 +451,7 @@ TEST_P(CortexMFirmware, RepeatsAFlightRecordWithFeedbackAndASensor) {
       folder / "twin.toml",
       ReadFile(robots + "tumbler_twin_sensor.toml") +
           "\n[[push]]\nlink = \"middle\"\nstart_s = 6.0\nduration_s = 0.1\nforce_n = [4.0, 0.0]\n");
-  Program program({testing::ProgramPath("tumbler-run"), "sim",
+  Program program({testing::ProgramPath("tumbler run"), "sim",
                    testing::SourcePath("primitives/gait_sensor.toml"), "--drives",
                    robots + "tumbler_drives_sensor.toml", "--twin", folder / "twin.toml",
                    "--cycles", "1", "--branch", kBranch, "--record", folder / "gait.rec"});

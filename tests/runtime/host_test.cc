@@ -1,4 +1,4 @@
-// What a computer needs for driving motors: tumbler-run --doctor, scripts/host-setup, the hold on
+// What a computer needs for driving motors: tumbler run --doctor, scripts/host-setup, the hold on
 // /dev/cpu_dma_latency, and what a service manager is told.
 
 #include <gmock/gmock-more-matchers.h>
@@ -135,11 +135,11 @@ TEST(Doctor, NamesEachThingThatIsAmissWithWhatToDo) {
 }
 
 TEST(Doctor, ExaminesAnInterfaceThatIsNotThereAndAsksForNeitherBusNorMotion) {
-  const Outcome run = testing::RunProgram({"tumbler-run", "--doctor", "nocan7"});
+  const Outcome run = testing::RunProgram({"tumbler run", "--doctor", "nocan7"});
   EXPECT_EQ(run.exit_code, 2) << run.text;
   EXPECT_THAT(run.text, HasSubstr("MISSING  interface: nocan7: No such device"));
   EXPECT_THAT(run.text, HasSubstr("preemption: "));
-  EXPECT_EQ(testing::RunProgram({"tumbler-run", "--doctor", "can0", "sim"}).exit_code, 1);
+  EXPECT_EQ(testing::RunProgram({"tumbler run", "--doctor", "can0", "sim"}).exit_code, 1);
 }
 
 TEST(CpuAwake, HoldsTheLatencyAtZeroWhereItMay) {
@@ -277,7 +277,7 @@ TEST(ServiceNotice, AServiceManagerHearsOfARunFromItsFirstTickToItsLast) {
     const NotifySocket manager(name);
     testing::Program run({"/bin/sh", "-c",
                           "NOTIFY_SOCKET=" + name + " WATCHDOG_USEC=200000 exec " +
-                              testing::ProgramPath("tumbler-run") + " sim " +
+                              testing::ProgramPath("tumbler run") + " sim " +
                               testing::SourcePath("primitives/nominal/handstand.toml") +
                               " --drives " + (folder / "drives.toml") +
                               " --realtime --end torque-off"});
@@ -395,7 +395,7 @@ TEST_F(HostSetUp, SaysWhatItWouldWriteAndWritesNothing) {
 TEST_F(HostSetUp, WritesOnceAndThenOnlyWhatChanges) {
   EXPECT_THAT(Run("--root " + Root()).text, HasSubstr("3 changes"));
   EXPECT_EQ(Written("/etc/udev/rules.d/90-tumbler.rules"),
-            "# tumbler-run keeps the processors awake while it drives motors.\n"
+            "# tumbler run keeps the processors awake while it drives motors.\n"
             "KERNEL==\"cpu_dma_latency\", OWNER=\"anna\", MODE=\"0600\"\n");
   EXPECT_THAT(Written("/etc/security/limits.d/90-tumbler.conf"), HasSubstr("anna - rtprio 90\n"));
   EXPECT_THAT(Run("--root " + Root()).text, HasSubstr("0 changes"));

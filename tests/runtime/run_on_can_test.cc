@@ -1,4 +1,4 @@
-// tumbler-run on the CAN interfaces of a kernel, with simulated drives in another process. candump
+// tumbler run on the CAN interfaces of a kernel, with simulated drives in another process. candump
 // logs the bus, and FrameChecker judges the frames.
 //
 // The guest's clock is coarse (times below 10 ms mean nothing), hence 25 ticks a second and drives
@@ -47,7 +47,7 @@ using testing::WriteFile;
 
 constexpr double kRate_hz = 25;
 constexpr double kWatchdog_s = 0.2;
-constexpr int kFault = 3;  // exit codes of tumbler-run
+constexpr int kFault = 3;  // exit codes of tumbler run
 constexpr int kStopped = 130;
 
 class RunOnCan : public ::testing::Test {
@@ -116,7 +116,7 @@ class RunOnCan : public ::testing::Test {
   /// when they are let go.
   void StartDrives(const std::string& interface, const std::string& friction = "1") {
     drives_ = std::make_unique<Program>(std::vector<std::string>{
-        testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction",
+        testing::ProgramPath("tumbler drives"), interface, Path("drives.toml"), "--friction",
         friction, "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
@@ -134,7 +134,7 @@ class RunOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> Start(const std::string& interface,
                                                const std::vector<std::string>& more = {},
                                                const std::string& hold_s = "0.2") const {
-    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler run"),
                                        interface,
                                        Path("motion.toml"),
                                        "--drives",
@@ -174,7 +174,7 @@ TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
     StartDrives(can.name());
     StartCandump(can.name());
     Program dry({"/bin/sh", "-c",
-                 testing::ProgramPath("tumbler-run") + " " + can.name() + " " +
+                 testing::ProgramPath("tumbler run") + " " + can.name() + " " +
                      Path("motion.toml") + " --drives " + Path("drives.toml") +
                      " --hold-s 0.2 2>/dev/null"});
     EXPECT_EQ(dry.Wait(), 0);
@@ -233,7 +233,7 @@ TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) 
     AwaitMotion();
     can.Down();
     usleep(400'000);
-    can.Up();  // while tumbler-run still says torque off
+    can.Up();  // while tumbler run still says torque off
     EXPECT_EQ(run->Wait(), kFault);
     EXPECT_THAT(run->text(), HasSubstr("interface down: link down"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
@@ -478,16 +478,16 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
          {std::string("--without-realtime"), std::string("--realtime"), unwritable}) {
       const std::unique_ptr<Program> second = Start(can.name(), {"--arm", mode});
       EXPECT_EQ(second->Wait(), 2) << second->text();
-      EXPECT_THAT(second->text(), ::testing::AnyOf(HasSubstr("(tumbler-run) drives the motors on"),
+      EXPECT_THAT(second->text(), ::testing::AnyOf(HasSubstr("(tumbler run) drives the motors on"),
                                                    HasSubstr("driving motors takes --realtime"),
                                                    HasSubstr("is not in force")));
     }
     const std::unique_ptr<Program> second = StartArmed(can.name());
     EXPECT_EQ(second->Wait(), 2) << second->text();
-    EXPECT_THAT(second->text(), HasSubstr("(tumbler-run) drives the motors on " + can.name()));
+    EXPECT_THAT(second->text(), HasSubstr("(tumbler run) drives the motors on " + can.name()));
     const std::unique_ptr<Program> by_another_name = StartArmed("motors");
     EXPECT_EQ(by_another_name->Wait(), 2) << by_another_name->text();
-    EXPECT_THAT(by_another_name->text(), HasSubstr("(tumbler-run) drives the motors on motors"));
+    EXPECT_THAT(by_another_name->text(), HasSubstr("(tumbler run) drives the motors on motors"));
     EXPECT_EQ(first->Wait(), 0) << first->text();
     EXPECT_THAT(first->text(), HasSubstr("completed"));
     ExpectKept(Judge());
@@ -517,12 +517,12 @@ TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) 
       const auto start = [&](const std::string& program) -> std::unique_ptr<Program> {
         if (program == "replay") {
           return std::make_unique<Program>(std::vector<std::string>{
-              testing::ProgramPath("tumbler-replay"), record, "--bus", can.name(), "--arm",
+              testing::ProgramPath("tumbler replay"), record, "--bus", can.name(), "--arm",
               "--without-realtime", "--drives", Path("drives.toml"), "--end", "torque-off"});
         }
         if (program == "bench") {
           return std::make_unique<Program>(std::vector<std::string>{
-              testing::ProgramPath("tumbler-bench"), can.name(), "jog", "joint1", "--drives",
+              testing::ProgramPath("tumbler bench"), can.name(), "jog", "joint1", "--drives",
               Path("drives.toml"), "--motion", Path("motion.toml"), "--arm", "--yes"});
         }
         std::vector<std::string> more = {"--arm", "--without-realtime"};
@@ -674,7 +674,7 @@ TEST_F(RunOnCan, ARequestTowardsRestEndsACheckOfTheDrivesWithTheTorqueOff) {
           Start(can.name(), {"--arm", "--without-realtime", "--prove-watchdog", "--lcm-url", url});
       ASSERT_TRUE(drives_->WaitFor("joint1: enabled")) << run->text();
       const testing::Outcome asked =
-          testing::RunProgram({"tumbler-ctl", "--lcm-url", url, request});
+          testing::RunProgram({"tumbler ctl", "--lcm-url", url, request});
       EXPECT_EQ(asked.exit_code, 0) << asked.text;
       EXPECT_THAT(asked.text, HasSubstr("taken while the drives were checked"));
       EXPECT_EQ(run->Wait(), kStopped) << run->text();

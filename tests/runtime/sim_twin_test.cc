@@ -1,4 +1,4 @@
-// tumbler-run on the simulated robot of a twin file, and tumbler-twin where it needs no interface,
+// tumbler run on the simulated robot of a twin file, and tumbler twin where it needs no interface,
 // as a user meets them.
 
 #include <gmock/gmock-matchers.h>
@@ -61,13 +61,13 @@ class SimTwin : public ::testing::Test {
   };
   /// Runs the gait in virtual time.
   [[nodiscard]] Outcome RunGait(const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{"tumbler-run", "sim", kPrimitives + "gait.toml", "--json",
+    std::vector<std::string> arguments{"tumbler run", "sim", kPrimitives + "gait.toml", "--json",
                                        Path("run.json")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Run(arguments);
   }
   [[nodiscard]] Outcome RunTwin(const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{"tumbler-twin"};
+    std::vector<std::string> arguments{"tumbler twin"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Run(arguments);
   }
@@ -98,14 +98,14 @@ TEST_F(SimTwin, ARobotThatDoesAsPlannedButNotAsAskedDoesNotStand) {
   const std::string other =
       Write("other.toml", ChangedHandstand("when = \"later\"\ntarget = 1.5707963267948966",
                                            "when = \"later\"\ntarget = 1.6203"));
-  const testing::Outcome run = testing::RunProgram({"tumbler-run", "sim", other});
+  const testing::Outcome run = testing::RunProgram({"tumbler run", "sim", other});
   EXPECT_EQ(run.exit_code, 4) << run.text;
   EXPECT_THAT(run.text, HasSubstr("NOT at rest as asked"));
   EXPECT_THAT(run.text, HasSubstr("    pitch, 2 s later: asked 1.6203, got 1.5697"));
   EXPECT_THAT(run.text, HasSubstr("rad (within 0.05): MISSED"));
   EXPECT_THAT(run.text, Not(HasSubstr(": at rest as asked")));
   const testing::Outcome shipped =
-      testing::RunProgram({"tumbler-run", "sim", kPrimitives + "nominal/handstand.toml"});
+      testing::RunProgram({"tumbler run", "sim", kPrimitives + "nominal/handstand.toml"});
   EXPECT_EQ(shipped.exit_code, 0);
   EXPECT_THAT(shipped.text, HasSubstr(": at rest as asked"));
 }
@@ -244,20 +244,20 @@ TEST_F(SimTwin, WrongFilesAndOptionsAreRefusedWithWhatToDo) {
   EXPECT_THAT(outcome.text, HasSubstr("/proc/nonexistent/truth.lcm: cannot be written"));
   outcome = RunGait({"--cycles", "1", "--pace", "0.5"});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("--pace is for an armed run on tumbler-twin"));
+  EXPECT_THAT(outcome.text, HasSubstr("--pace is for an armed run on tumbler twin"));
 }
 
 TEST_F(SimTwin, TumblerTwinSaysWhichFileItLacks) {
   Outcome outcome = RunTwin({"vcan9"});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("which motion? Give MOTION, or a --config file"));
+  EXPECT_THAT(outcome.text, HasSubstr("which motion? Give MOTION, or a --twin file"));
   outcome = RunTwin({"vcan9", kPrimitives + "nominal/gait.toml"});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("which drives? Give --drives, or a --config file"));
-  outcome = RunTwin({"vcan9", "--config", kPrimitives + "robots/tumbler_twin.toml"});
+  EXPECT_THAT(outcome.text, HasSubstr("which drives? Give --drives, or a --twin file"));
+  outcome = RunTwin({"vcan9", "--twin", kPrimitives + "robots/tumbler_twin.toml"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("vcan9")) << "the file names both";
-  outcome = RunTwin({"vcan9", "--config", kPrimitives + "robots/tumbler_drives.toml"});
+  outcome = RunTwin({"vcan9", "--twin", kPrimitives + "robots/tumbler_drives.toml"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("tumbler_drives.toml:2: format: is 'tumbler-drives'"));
   outcome = RunTwin({"--help"});
@@ -555,8 +555,8 @@ SensorRun PlayWithSensor(const std::filesystem::path& folder, const std::string&
   testing::WriteFile(folder / "twin.toml", kHead + twin);
   std::filesystem::remove(folder / "run.rec");
   const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-run", "sim", folder / "handstand.toml", "--drives",
-                           folder / "drives.toml", "--twin", folder / "twin.toml", "--trace",
+      testing::RunProgram({"tumbler run", "sim", folder / "handstand.toml", "--drives",
+                           folder / "drives.toml", "--twin", folder / "twin.toml", "--csv",
                            folder / "run.csv", "--record", folder / "run.rec"});
   SensorRun run{outcome.exit_code, outcome.text, {}, {}};
   std::istringstream csv(testing::ReadFile(folder / "run.csv"));
@@ -576,7 +576,7 @@ TEST_F(SimTwin, AMotionWithFeedbackIsPlayedBySensorAndEncodersAndReplayedBitForB
   EXPECT_GT(run.Largest("leg1_correction_rad"), 0.001);
   EXPECT_GT(run.Largest("leg2_correction_rad"), 0.001);
   EXPECT_EQ(run.At(run.rows.size() - 1, "sensor_status"), 1);
-  const testing::Outcome replay = testing::RunProgram({"tumbler-replay", folder / "run.rec"});
+  const testing::Outcome replay = testing::RunProgram({"tumbler replay", folder / "run.rec"});
   EXPECT_EQ(replay.exit_code, 0) << replay.text;
   EXPECT_THAT(replay.text, HasSubstr("identical"));
 }
@@ -603,7 +603,7 @@ TEST_F(SimTwin, TheShippedHandstandStandsWhenItsSensorsAxesAreExchangedOrItFreez
       const std::string twin = Write("twin.toml", errors + "[[sensor_failure]]\nfault = \"" +
                                                       fault + "\"\nstart_s = " + start_s + "\n");
       const testing::Outcome outcome = testing::RunProgram(
-          {"tumbler-run", "sim", kPrimitives + "handstand_sensor.toml", "--drives",
+          {"tumbler run", "sim", kPrimitives + "handstand_sensor.toml", "--drives",
            kPrimitives + "robots/tumbler_drives_sensor.toml", "--twin", twin});
       EXPECT_EQ(outcome.exit_code, 0) << fault << " at " << start_s << outcome.text;
     }
@@ -621,11 +621,11 @@ TEST_F(SimTwin, ARobotThatIsPushedOverGetsUpFinishesItsCyclesAndIsReplayedBitFor
     std::filesystem::remove(Path("run.json"));
     std::filesystem::remove(Path("run.rec"));
     const testing::Outcome outcome = testing::RunProgram(
-        {"tumbler-run", "sim", kPrimitives + "gait_sensor.toml", "--cycles", "2", "--drives",
+        {"tumbler run", "sim", kPrimitives + "gait_sensor.toml", "--cycles", "2", "--drives",
          kPrimitives + "robots/tumbler_drives_sensor.toml", "--twin", twin, "--get-ups", get_ups,
          "--json", Path("run.json"), "--record", Path("run.rec")});
     EXPECT_EQ(outcome.exit_code, get_ups == "0" ? 3 : 4) << outcome.text;
-    const testing::Outcome replay = testing::RunProgram({"tumbler-replay", Path("run.rec")});
+    const testing::Outcome replay = testing::RunProgram({"tumbler replay", Path("run.rec")});
     EXPECT_THAT(replay.text, HasSubstr("identical"));
     return Outcome{outcome, Json::Parse(testing::ReadFile(Path("run.json"))).value()};
   };
@@ -653,7 +653,7 @@ TEST_F(SimTwin, ARobotThatFallsIntoAPoseOfItsMotionsAndGetsUpIsNotSaidToHaveDone
                        "[[push]]\nlink = \"middle\"\nstart_s = 3.0\nduration_s = 0.2\nforce_n "
                        "= [-40.0, 0.0]\n");
   const testing::Outcome run =
-      testing::RunProgram({"tumbler-run", "sim", kPrimitives + "gait_sensor.toml", "--cycles", "2",
+      testing::RunProgram({"tumbler run", "sim", kPrimitives + "gait_sensor.toml", "--cycles", "2",
                            "--drives", kPrimitives + "robots/tumbler_drives_sensor.toml", "--twin",
                            twin, "--get-ups", "1", "--json", Path("run.json")});
   const Json json = Json::Parse(testing::ReadFile(Path("run.json"))).value();
@@ -669,7 +669,7 @@ TEST_F(SimTwin, ARobotThatFallsIntoAPoseOfItsMotionsAndGetsUpIsNotSaidToHaveDone
 TEST_F(SimTwin, NobodyGetsUpWhoCannotTellHowItLies) {
   const auto refused = [&](const std::string& motion, const std::string& drives) {
     const testing::Outcome run =
-        testing::RunProgram({"tumbler-run", "sim", kPrimitives + motion, "--drives",
+        testing::RunProgram({"tumbler run", "sim", kPrimitives + motion, "--drives",
                              kPrimitives + "robots/" + drives, "--get-ups", "1"});
     EXPECT_EQ(run.exit_code, 1) << run.text;
     EXPECT_THAT(run.text, HasSubstr("--get-ups"));
@@ -684,7 +684,7 @@ TEST_F(SimTwin, ASensorOnALinkThatNoPrimitiveKnowsIsRefused) {
   const std::string drives =
       Write("drives.toml", testing::Replaced(kSensorDrives, "link = \"middle\"", "link = \"hat\""));
   const testing::Outcome run =
-      testing::RunProgram({"tumbler-run", "sim", motion, "--drives", drives});
+      testing::RunProgram({"tumbler run", "sim", motion, "--drives", drives});
   EXPECT_NE(run.exit_code, 0);
   EXPECT_THAT(run.text, HasSubstr("'hat'"));
 }

@@ -1,4 +1,4 @@
-// tumbler-ctl with a tumbler-run at the pace of the clock. They talk by UDP multicast inside a
+// tumbler ctl with a tumbler run at the pace of the clock. They talk by UDP multicast inside a
 // network namespace of the test's own (CMakeLists.txt).
 
 #include <arpa/inet.h>
@@ -49,7 +49,7 @@ constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
 const std::string kGait = testing::SourcePath("primitives/nominal/gait.toml");
 
 Outcome Ctl(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), "tumbler-ctl");
+  arguments.insert(arguments.begin(), "tumbler ctl");
   arguments.insert(arguments.end(), {"--lcm-url", kUrl});
   return testing::RunProgram(arguments);
 }
@@ -90,7 +90,7 @@ class TumblerCtl : public ::testing::Test {
   }
   [[nodiscard]] std::vector<std::string> PlayArguments(
       const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler run"),
                                        "sim",
                                        kGait,
                                        "--realtime",
@@ -114,7 +114,7 @@ TEST_F(TumblerCtl, SaysThatNobodyAnswers) {
   for (const char* request : {"status", "start", "stop"}) {
     const Outcome answer = Ctl({request});
     EXPECT_EQ(answer.exit_code, 1);
-    EXPECT_THAT(answer.text, HasSubstr("is tumbler-run there"));
+    EXPECT_THAT(answer.text, HasSubstr("is tumbler run there"));
   }
 }
 
@@ -229,7 +229,7 @@ void SendFragmentsThatLie() {
 
 TEST_F(TumblerCtl, FragmentsThatLieEndNeitherTheRunNorThoseWhoLookAtItNorARequest) {
   const auto run = Play();
-  Program watch({testing::ProgramPath("tumbler-ctl"), "watch", "--lcm-url", kUrl});
+  Program watch({testing::ProgramPath("tumbler ctl"), "watch", "--lcm-url", kUrl});
   ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
   ASSERT_TRUE(watch.WaitFor("disarmed"));
   for (int i = 0; i < 20; ++i) SendFragmentsThatLie();
@@ -247,7 +247,7 @@ TEST_F(TumblerCtl, FragmentsThatLieEndNeitherTheRunNorThoseWhoLookAtItNorAReques
 TEST_F(TumblerCtl, WatchesALinePerSecondInAPipe) {
   const std::unique_ptr<Program> run = Play();
   ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
-  Program watch({testing::ProgramPath("tumbler-ctl"), "watch", "--lcm-url", kUrl});
+  Program watch({testing::ProgramPath("tumbler ctl"), "watch", "--lcm-url", kUrl});
   ASSERT_TRUE(watch.WaitFor("disarmed")) << watch.text();
   run->Signal(SIGKILL);
   run->Wait();
@@ -328,7 +328,7 @@ class StalledPipe {
 };
 
 TEST_F(TumblerCtl, AFileThatTakesNothingKeepsNeitherTelemetryNorRequestsNorTheEndWaiting) {
-  for (const char* const option : {"--log", "--trace"}) {
+  for (const char* const option : {"--log", "--csv"}) {
     SCOPED_TRACE(option);
     testing::InSteadyTime([&] {
       const testing::TemporaryFolder folder;

@@ -1,4 +1,4 @@
-// tumbler-log as a user meets it, with logs of tumbler-run and with damaged ones.
+// tumbler record as a user meets it, with logs of tumbler run and with damaged ones.
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -35,15 +35,15 @@ class TumblerLog : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<testing::TemporaryFolder>();
-    const Outcome run = RunProgram({"tumbler-run", "sim", kMotion, "--hold-s", "0.1", "--log",
-                                    Path("run.lcm"), "--trace", Path("trace.csv")});
+    const Outcome run = RunProgram({"tumbler run", "sim", kMotion, "--hold-s", "0.1", "--log",
+                                    Path("run.lcm"), "--csv", Path("trace.csv")});
     ASSERT_EQ(run.exit_code, 0) << run.text;
   }
   static void TearDownTestSuite() { folder_.reset(); }
   static std::string Path(const std::string& name) { return *folder_ / name; }
   static std::string Read(const std::string& name) { return testing::ReadFile(Path(name)); }
   int Log(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "tumbler-log");
+    arguments.insert(arguments.begin(), "tumbler record");
     const Outcome outcome = RunProgram(arguments);
     text_ = outcome.text;
     return outcome.exit_code;
@@ -179,14 +179,29 @@ TEST_F(TumblerLog, SaysWhatIsNotWholeAndGoesOnBehindIt) {
   EXPECT_EQ(damaged(whole + "rubbish"), 4);
   EXPECT_THAT(text_, HasSubstr("damaged.lcm: NOT whole: "));
   EXPECT_EQ(Log({"/dev/zero"}), 1);
-  EXPECT_THAT(text_, HasSubstr("is a device"));
+  EXPECT_THAT(text_, HasSubstr("/dev/zero: cannot be read"));
 }
 
 TEST_F(TumblerLog, RefusesWhatItCannotUseAndWritesNothing) {
   EXPECT_EQ(Log({Path("none.lcm")}), 1);
   EXPECT_THAT(text_, HasSubstr("none.lcm: cannot be read"));
   EXPECT_EQ(Log({kMotion, "--csv", Path("x.csv")}), 1);
-  EXPECT_THAT(text_, HasSubstr("has no message of tumbler-run"));
+  EXPECT_THAT(text_, HasSubstr("is neither a flight record nor an LCM log"));
+  {
+    lcm::LogFile others(Path("others.lcm"), "w");
+    lcm::LogEvent event{};
+    event.channel = "OTHER";
+    std::string bytes = "not ours";
+    event.data = bytes.data();
+    event.datalen = static_cast<int>(bytes.size());
+    ASSERT_EQ(others.writeEvent(&event), 0);
+  }
+  EXPECT_EQ(Log({Path("others.lcm"), "--csv", Path("x.csv")}), 1);
+  EXPECT_THAT(text_, HasSubstr("has no message of tumbler run"));
+  for (const char* const option : {"--candump", "--log", "--truth-csv"}) {
+    EXPECT_EQ(Log({Path("run.lcm"), option, Path("x.csv")}), 1);
+    EXPECT_THAT(text_, HasSubstr(std::string(option) + ": is for flight records"));
+  }
   for (const auto& entry : std::filesystem::directory_iterator(Path("")))
     EXPECT_FALSE(entry.path().filename().string().starts_with("x.csv")) << entry.path();
   EXPECT_EQ(Log({Path("run.lcm"), "--csv", "/proc/nowhere/x.csv"}), 1);

@@ -41,7 +41,7 @@ class TumblerRun : public ::testing::Test {
     testing::WriteFile(Path(name), text);
   }
   [[nodiscard]] static Outcome Run(const std::string& arguments) {
-    return testing::RunInShell("tumbler-run " + arguments);
+    return testing::RunInShell("tumbler run " + arguments);
   }
   /// Writes the example's drives file with the joints of this test, and `from` replaced by `to`.
   void WriteDrives(const std::string& from = "", const std::string& to = "") const {
@@ -63,7 +63,7 @@ TEST_F(TumblerRun, ExplainsItself) {
   const Outcome outcome = Run("--help");
   EXPECT_EQ(outcome.exit_code, 0);
   for (const char* part : {"--drives", "--arm", "--realtime", "--speed", "--log", "--lcm-url",
-                           "--json", "--trace", "--hold-s", "Exit codes", "130", "kp 200, kd"}) {
+                           "--json", "--csv", "--hold-s", "Exit codes", "130", "kp 200, kd"}) {
     EXPECT_THAT(outcome.text, HasSubstr(part));
   }
   EXPECT_TRUE(std::all_of(outcome.text.begin(), outcome.text.end(), [](char c) {
@@ -163,7 +163,7 @@ TEST_F(TumblerRun, ATorqueThatNoDriveReportsIsNotMeasuredRatherThanZero) {
   Write("drives.toml", testing::ReplacedAll(example, "torques_s = 0.01\n", ""));
   const Outcome outcome =
       Run("sim " + testing::SourcePath("primitives/nominal/handstand.toml") + " --drives " +
-          Path("drives.toml") + " --json " + Path("run.json") + " --trace " + Path("run.csv"));
+          Path("drives.toml") + " --json " + Path("run.json") + " --csv " + Path("run.csv"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("leg1: torque not measured, following error at most"));
   const Json json = Json::Parse(testing::ReadFile(Path("run.json"))).value();
@@ -199,10 +199,10 @@ TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrSuspendedOrItsTerminalIsGone) 
     testing::InSteadyTime([&] {
       const std::string trace = Path("trace.csv");
       std::filesystem::remove(trace);
-      testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
+      testing::Program run({testing::ProgramPath("tumbler run"), "sim",
                             testing::SourcePath("primitives/nominal/handstand.toml"), "--drives",
                             Path("drives.toml"), "--realtime", "--hold-s", "60", "--end",
-                            "torque-off", "--trace", trace});
+                            "torque-off", "--csv", trace});
       ASSERT_TRUE(testing::Eventually([&] {
         return std::filesystem::exists(trace) && std::filesystem::file_size(trace) > 20'000;
       }));
@@ -218,7 +218,7 @@ TEST_F(TumblerRun, SaysWhatCtrlCDoesInTheHoldAtTheEndAndNeverLosesOne) {
         Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
                  "rate_hz = 1000.0", "rate_hz = 200.0"));
   testing::InSteadyTime([&] {
-    testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
+    testing::Program run({testing::ProgramPath("tumbler run"), "sim",
                           testing::SourcePath("primitives/nominal/handstand.toml"), "--drives",
                           Path("drives.toml"), "--realtime", "--hold-s", "0"});
     ASSERT_TRUE(run.WaitFor("the robot is held where it would drop without torque"));
@@ -242,7 +242,7 @@ TEST_F(TumblerRun, HoldsTheRobotAlsoWhenNobodyReadsWhatItSays) {
     const std::string said = Path("said");
     const Outcome outcome =
         testing::RunInShell("rm -f " + said + "; mkfifo " + said + "; head -n 3 " + said +
-                            " >/dev/null & tumbler-run sim " +
+                            " >/dev/null & tumbler run sim " +
                             testing::SourcePath("primitives/nominal/handstand.toml") +
                             " --drives " + Path("drives.toml") + " --realtime --hold-s 0 --json " +
                             Path("run.json") + " >/dev/null 2>" + said +
@@ -260,7 +260,7 @@ TEST_F(TumblerRun, TakesNoFileForAnAddressOfLcm) {
     const Outcome outcome = Run("sim " + Path("motion.toml") + " --lcm-url '" + url + "'");
     EXPECT_EQ(outcome.exit_code, 1) << url;
     EXPECT_THAT(outcome.text, ::testing::AllOf(HasSubstr("--lcm-url: "), HasSubstr("udpm://")));
-    for (const char* const program : {"tumbler-ctl status", "tumbler-view"}) {
+    for (const char* const program : {"tumbler ctl status", "tumbler view"}) {
       const std::string command = fmt::format("{} --lcm-url '{}'", program, url);
       EXPECT_EQ(testing::RunInShell(command).exit_code, 1) << command;
     }

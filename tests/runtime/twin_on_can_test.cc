@@ -1,4 +1,4 @@
-// Two processes on the CAN interface of a kernel: tumbler-run, and tumbler-twin, which simulates
+// Two processes on the CAN interface of a kernel: tumbler run, and tumbler twin, which simulates
 // the robot. The tests check the robot's true state, and the frames on the bus, which candump logs
 // and FrameChecker judges.
 //
@@ -48,8 +48,8 @@ using testing::VirtualCan;
 
 const std::string kPrimitives = testing::SourcePath("primitives/");
 constexpr double kPace = 0.25;
-constexpr int kRunFault = 3;  // exit code of tumbler-run
-constexpr int kFell = 4;      // exit code of tumbler-twin
+constexpr int kRunFault = 3;  // exit code of tumbler run
+constexpr int kFell = 4;      // exit code of tumbler twin
 constexpr int kKilled = 1000 + SIGKILL;
 
 class TwinOnCan : public ::testing::Test {
@@ -76,7 +76,7 @@ class TwinOnCan : public ::testing::Test {
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   void StartTwin(const std::string& interface) {
     twin_ = std::make_unique<Program>(std::vector<std::string>{
-        testing::ProgramPath("tumbler-twin"), interface, kPrimitives + "cartwheel.toml", "--drives",
+        testing::ProgramPath("tumbler twin"), interface, kPrimitives + "cartwheel.toml", "--drives",
         Path("drives.toml"), "--pace", std::to_string(kPace), "--json", Path("truth.json")});
     ASSERT_TRUE(twin_->WaitFor("2 drives on " + interface)) << twin_->text();
   }
@@ -90,7 +90,7 @@ class TwinOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
                                                   const std::string& motion,
                                                   const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler run"),
                                        interface,
                                        kPrimitives + motion,
                                        "--pace",

@@ -13,7 +13,7 @@ namespace tumbler::testing {
 [[nodiscard]] std::string SourcePath(const std::string& name);
 /// Path of a file of the build under test.
 [[nodiscard]] std::string BuildPath(const std::string& name);
-/// Path of a program of the build under test, such as `tumbler-run`.
+/// Path of a program of the build under test, such as `tumbler run`.
 [[nodiscard]] std::string ProgramPath(const std::string& name);
 
 /// Reads all bytes of a file. @throws std::runtime_error  when it cannot be read.

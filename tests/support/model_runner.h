@@ -11,24 +11,24 @@
 
 namespace tumbler::testing {
 
-/// The output of a run of tumbler-model.
+/// The output of a run of tumbler model.
 struct ModelOutcome {
   int status = -1;
   std::string out, err;
 };
 
-/// Runs tumbler-model in a folder with a robot.
+/// Runs tumbler model in a folder with a robot.
 class ModelRunner {
  public:
   explicit ModelRunner(const std::string& robot) { WriteFile(folder_ / "robot.urdf", robot); }
 
-  /// Runs `tumbler-model COMMAND robot.urdf ARGUMENTS` in a shell, with this on its standard input.
+  /// Runs `tumbler model COMMAND robot.urdf ARGUMENTS` in a shell, with this on its standard input.
   [[nodiscard]] ModelOutcome operator()(const std::string& command, const std::string& arguments,
                                         const std::string& input = "") const {
     WriteFile(folder_ / "in", input);
     ModelOutcome run;
     run.status = RunInShell(fmt::format("cd {} && exec <in >out 2>err && exec "
-                                        "tumbler-model {} robot.urdf {}",
+                                        "tumbler model {} robot.urdf {}",
                                         folder_.path().string(), command, arguments))
                      .exit_code;
     run.out = ReadFile(folder_ / "out");

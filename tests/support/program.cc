@@ -13,7 +13,22 @@
 
 namespace tumbler::testing {
 
-Program::Program(const std::vector<std::string>& arguments) {
+namespace {
+
+/// With the command of `.../bin/tumbler run` as an argument of its own.
+std::vector<std::string> WithCommandApart(std::vector<std::string> arguments) {
+  const std::string program = ProgramPath("tumbler ");
+  if (arguments[0].starts_with(program)) {
+    arguments.insert(arguments.begin() + 1, arguments[0].substr(program.size()));
+    arguments[0] = ProgramPath("tumbler");
+  }
+  return arguments;
+}
+
+}  // namespace
+
+Program::Program(const std::vector<std::string>& given) {
+  const std::vector<std::string> arguments = WithCommandApart(given);
   std::array<int, 2> ends{};
   if (pipe(ends.data()) != 0) throw std::runtime_error("pipe");
   std::vector<char*> argv;

@@ -12,8 +12,9 @@ namespace tumbler::testing {
 /// One that still runs at the end of the scope is killed.
 class Program {
  public:
-  /// @param arguments  the program's path first.
-  explicit Program(const std::vector<std::string>& arguments);
+  /// @param given  the program's path first. Where it is a ProgramPath of a command, such as
+  ///                   `.../bin/tumbler run`, the word behind the space is an argument.
+  explicit Program(const std::vector<std::string>& given);
   ~Program();
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
@@ -44,7 +45,7 @@ struct Outcome {
 };
 
 /// Runs a program of the build under test to its end.
-/// @param arguments  the program's name first, such as `tumbler-run`.
+/// @param arguments  the program's name first, such as `tumbler run`.
 Outcome RunProgram(std::vector<std::string> arguments);
 /// Runs a command line in a shell that finds the programs of the build under test.
 Outcome RunInShell(const std::string& command_line);

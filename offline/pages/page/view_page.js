@@ -156,7 +156,7 @@ function showMessage(message) {
   for (const id of ['stop', 'disarm']) byId(id).disabled = run === null;
   if (message.asked) setText('asked', `${message.asked.request}: ${message.asked.answer || 'asked'}`);
   byId('no-picture').hidden = Boolean(frame && frame.poses);
-  setText('no-picture', !scene ? 'tumbler-view --motion FILE shows the robot here.'
+  setText('no-picture', !scene ? 'tumbler view --motion FILE shows the robot here.'
     : !message.robot_fits ? 'The file of --motion is of a robot with other joints.' : 'No pose of the robot is known yet.');
   if (frame === null) return;
   showFrame(frame);
@@ -170,7 +170,7 @@ async function ask(what) {
     const answer = await fetch(what, {method: 'POST', body: String(run)});
     if (!answer.ok) setText('asked', `${what}: not sent: ${(await answer.text()).trim()}`);
   } catch (error) {
-    setText('asked', `${what}: NOT SENT, tumbler-view does not answer: use tumbler-ctl, or cut the power`);
+    setText('asked', `${what}: NOT SENT, tumbler view does not answer: use tumbler ctl, or cut the power`);
   }
 }
 
@@ -194,7 +194,7 @@ function startLive() {
   setInterval(() => {
     if (heardAt === null || performance.now() - heardAt < 2000) return;
     document.body.classList.add('stale');
-    notice(`tumbler-view does not answer for ${fixed((performance.now() - heardAt) / 1000, 0)} s: what is shown is old.`);
+    notice(`tumbler view does not answer for ${fixed((performance.now() - heardAt) / 1000, 0)} s: what is shown is old.`);
   }, 500);
   listen();
 }

@@ -26,7 +26,7 @@ class Record(dict):
     """A flight record: every tick of a run, as columns with units in their names.
 
     It is a read-only dictionary of read-only arrays, which pandas.DataFrame(record) takes. The columns are those of the
-    CSV that tumbler-record writes. Records are equal when all numbers of their columns and truth are.
+    CSV that tumbler record writes. Records are equal when all numbers of their columns and truth are.
     """
 
     def __init__(self, columns, truth, about):

@@ -1,4 +1,4 @@
-"""The equations of motion in Python, against tumbler-model's in space and against differences."""
+"""The equations of motion in Python, against tumbler model's in space and against differences."""
 
 import subprocess
 import sys
@@ -20,11 +20,11 @@ def some_states(model, count, seed=1):
 
 class Dynamics(support.WithFolder):
     def lines_of_program(self, model, q, qd, input):
-        """What tumbler-model says of the states: results of free coordinates and prescribed ones, and derivatives."""
+        """What tumbler model says of the states: results of free coordinates and prescribed ones, and derivatives."""
         given = np.array(model.prescribed)
         names = [name for name, prescribed in zip(model.coordinates, model.prescribed) if prescribed]
         states = "\n".join(" ".join(f"{x:.17g}" for x in (*a, *b, *c[given])) for a, b, c in zip(q, qd, input))
-        command = [self.programs / "tumbler-model", "hybrid", TASK.robot_file, "--derivatives"]
+        command = [self.programs / "tumbler", "model", "hybrid", TASK.robot_file, "--derivatives"]
         command += ["--prescribed", ",".join(names)]
         done = subprocess.run(command, input=states + "\n", capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)

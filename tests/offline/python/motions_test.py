@@ -69,7 +69,7 @@ class Primitives(support.WithFolder):
     def test_evaluate_in_single_precision_is_what_the_executor_plans_bit_for_bit(self):
         trace = self.folder / "trace.csv"
         path = support.PRIMITIVES / "handstand.toml"
-        self.run_program("tumbler-run", "sim", path, "--trace", trace)
+        self.run_program("tumbler run", "sim", path, "--csv", trace)
         with open(trace, newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["state"] == "running"]
         primitive = tumbler.Primitive.load(path)

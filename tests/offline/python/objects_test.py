@@ -194,7 +194,7 @@ class Records(support.WithFolder):
 
 class Package(support.WithFolder):
     def test_says_its_version(self):
-        said = self.run_program("tumbler-run", "--version")
+        said = self.run_program("tumbler run", "--version")
         self.assertRegex(said, rf"\b{re.escape(tumbler.__version__)}\b")
 
 

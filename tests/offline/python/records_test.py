@@ -15,8 +15,8 @@ TWIN = support.PRIMITIVES / "robots/tumbler_twin.toml"
 class Records(support.WithFolder):
     def test_have_the_columns_and_values_of_the_csv(self):
         record, trace = self.folder / "run.rec", self.folder / "run.csv"
-        self.run_program("tumbler-run", "sim", HANDSTAND, "--record", record)
-        self.run_program("tumbler-record", record, "--csv", trace)
+        self.run_program("tumbler run", "sim", HANDSTAND, "--record", record)
+        self.run_program("tumbler record", record, "--csv", trace)
         loaded = tumbler.Record.load(record)
         with open(trace, newline="") as file:
             rows = list(csv.reader(file))
@@ -70,9 +70,9 @@ class Records(support.WithFolder):
 
 class Simulations(support.WithFolder):
     def run_of_program(self, motion, *options):
-        """The record and the summary of tumbler-run."""
+        """The record and the summary of tumbler run."""
         record, summary = self.folder / "program.rec", self.folder / "program.json"
-        self.run_program("tumbler-run", "sim", motion, "--record", record, "--json", summary, *options)
+        self.run_program("tumbler run", "sim", motion, "--record", record, "--json", summary, *options)
         return tumbler.Record.load(record), json.loads(summary.read_text())
 
     def assert_same_ticks(self, first, second):

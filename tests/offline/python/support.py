@@ -20,8 +20,8 @@ class WithFolder(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
 
     def run_program(self, name, *arguments):
-        """Runs a program of the project, which has to succeed. Returns what it printed."""
-        done = subprocess.run([self.programs / name, *map(str, arguments)], capture_output=True, text=True)
+        """Runs a command such as `tumbler run`, which has to succeed. Returns what it printed."""
+        done = subprocess.run([self.programs / name.split()[0], *name.split()[1:], *map(str, arguments)], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout
 

@@ -29,7 +29,7 @@ class Optimising(support.WithFolder):
 
     def test_finds_what_the_program_finds_bit_for_bit(self):
         path = self.folder / "found.toml"
-        self.run_program("tumbler-optimize", TASK, "--seed", 1, "--threads", 2, "--out", path, "--quiet")
+        self.run_program("tumbler optimize", TASK, "--seed", 1, "--threads", 2, "--out", path, "--quiet")
         self.assertEqual((self.outcome.status, self.outcome.reason), ("found", ""))
         program = tumbler.Primitive.load(path)
         for ours, theirs in zip(self.outcome.primitive.joints, program.joints):
@@ -116,7 +116,7 @@ class Tasks(support.WithFolder):
 class Robustness(support.WithFolder):
     def test_has_the_robots_of_the_program(self):
         path = self.folder / "map.json"
-        self.run_program("tumbler-robustness", HANDSTAND, "--robots", 12, "--scale", 1, "--json", path)
+        self.run_program("tumbler robustness", HANDSTAND, "--robots", 12, "--scale", 1, "--json", path)
         program = json.loads(path.read_text())
         got = tumbler.robustness(HANDSTAND, robots=12, scale=1.0)
         self.assertEqual(len(got), 12)

@@ -95,7 +95,7 @@ class RecordOnCan : public ::testing::Test {
   }
   [[nodiscard]] std::unique_ptr<Program> StartDrives(const std::string& interface) const {
     auto drives = std::make_unique<Program>(std::vector<std::string>{
-        ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction", "1",
+        ProgramPath("tumbler drives"), interface, Path("drives.toml"), "--friction", "1",
         "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     EXPECT_TRUE(drives->WaitFor("2 drives on " + interface)) << drives->text();
@@ -104,7 +104,7 @@ class RecordOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
                                                   const std::string& record) const {
     return std::make_unique<Program>(
-        std::vector<std::string>{ProgramPath("tumbler-run"), interface, Path("motion.toml"),
+        std::vector<std::string>{ProgramPath("tumbler run"), interface, Path("motion.toml"),
                                  "--drives", Path("drives.toml"), "--end", "torque-off", "--hold-s",
                                  "0.2", "--arm", "--without-realtime", "--record", record});
   }
@@ -118,7 +118,7 @@ class RecordOnCan : public ::testing::Test {
     return program.text();
   }
   static std::string Replay(const std::string& record) {
-    return Output({ProgramPath("tumbler-replay"), record});
+    return Output({ProgramPath("tumbler replay"), record});
   }
 
   testing::TemporaryFolder folder_;
@@ -137,7 +137,7 @@ TEST_F(RecordOnCan, AnArmedRunOnARealBusReplaysIdenticallyAndHoldsTheFramesThatC
     EXPECT_THAT(run->text(), HasSubstr("0 not recorded"));
     EXPECT_TRUE(Replay(record).starts_with("identical: "));
 
-    Output({ProgramPath("tumbler-record"), record, "--candump", Path("record.log")});
+    Output({ProgramPath("tumbler record"), record, "--candump", Path("record.log")});
     usleep(300'000);  // The last replies need this time.
     const std::string theirs = ReadFile(Path("candump.log"));
     const std::string ours = ReadFile(Path("record.log"));
@@ -168,7 +168,7 @@ TEST_F(RecordOnCan, CanplayerPlaysAnExportedRecord) {
   const std::string log = Path("sim.log");
   std::ofstream(Path("small.rec"), std::ios::binary)
       << testing::RecordedBytes(testing::SmallConfiguration());
-  Output({ProgramPath("tumbler-record"), Path("small.rec"), "--candump", log});
+  Output({ProgramPath("tumbler record"), Path("small.rec"), "--candump", log});
   const VirtualCan can;
   const auto candump = StartCandump(can.name(), "played.log");
   Output({"/usr/bin/canplayer", "-I", log, can.name() + "=sim"});  // It plays at the log's pace.
@@ -248,7 +248,7 @@ TEST_P(ReplayOnCan, SendsNothingInADryRunAndPlaysTheRecordedSetpointsWhenArmed) 
     const auto candump = StartCandump(bench.name(), "bench.log");
     std::ofstream(Path("bench.log"), std::ios::trunc).close();
     const std::string dry = Output(
-        {ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--end", "torque-off"});
+        {ProgramPath("tumbler replay"), record, "--bus", bench.name(), "--end", "torque-off"});
     EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));
     EXPECT_THAT(dry, HasSubstr("setpoints differ in 0, by at most 0 rad"));
     EXPECT_EQ(ReadFile(Path("bench.log")), "") << "nothing is sent without --arm";
@@ -257,7 +257,7 @@ TEST_P(ReplayOnCan, SendsNothingInADryRunAndPlaysTheRecordedSetpointsWhenArmed) 
     const std::string svg = Path("bench.svg");
     const std::string played_record = record + ".played";
     const std::string played =
-        Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--arm",
+        Output({ProgramPath("tumbler replay"), record, "--bus", bench.name(), "--arm",
                 "--without-realtime", "--drives", Path("drives.toml"), "--end", "torque-off",
                 "--svg", svg, "--record", played_record});
     EXPECT_THAT(played, HasSubstr("completed on " + bench.name() + "\n"));
@@ -277,11 +277,11 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
   testing::InSteadyTime([&] {
     const std::string record = Path("sim.rec");
     std::filesystem::remove(record);
-    Output({ProgramPath("tumbler-run"), "sim", testing::SourcePath("primitives/handstand.toml"),
+    Output({ProgramPath("tumbler run"), "sim", testing::SourcePath("primitives/handstand.toml"),
             "--record", record});
     const VirtualCan can;
     const auto drives = StartDrives(can.name());
-    Program wrong({ProgramPath("tumbler-replay"), record, "--bus", can.name(), "--drives",
+    Program wrong({ProgramPath("tumbler replay"), record, "--bus", can.name(), "--drives",
                    Path("drives.toml")});
     EXPECT_NE(wrong.Wait(), 0);
     EXPECT_THAT(wrong.text(), HasSubstr("has no drive for joint 'leg1'"));
@@ -297,9 +297,9 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
     other.primitive.following_tolerance_rad = 0.5;
     std::ofstream(Path("other.toml")) << ToToml(other);
     const std::string played =
-        Output({ProgramPath("tumbler-replay"), run_record, "--bus", can.name(), "--arm",
+        Output({ProgramPath("tumbler replay"), run_record, "--bus", can.name(), "--arm",
                 "--without-realtime", "--drives", Path("drives.toml"), "--end", "torque-off",
-                "--primitive", Path("other.toml")});
+                "--motion", Path("other.toml")});
     EXPECT_THAT(played, HasSubstr("completed on " + can.name()));
     EXPECT_EQ(played.find("setpoints differ in 0,"), std::string::npos) << "it is another motion";
   });
@@ -317,7 +317,7 @@ TEST_F(RecordOnCan, AReplayArmsAsARunDoesAndKeepsThePose) {
 
     const auto replay = [&](const std::vector<std::string>& more) {
       std::vector<std::string> all = {
-          ProgramPath("tumbler-replay"), record,   "--bus", can.name(), "--arm", "--drives",
+          ProgramPath("tumbler replay"), record,   "--bus", can.name(), "--arm", "--drives",
           Path("drives.toml"),           "--pose", pose};
       all.insert(all.end(), more.begin(), more.end());
       return std::make_unique<Program>(all);

@@ -1,4 +1,4 @@
-// tumbler-run --record, tumbler-record and tumbler-replay as a user meets them.
+// tumbler run --record, tumbler record and tumbler replay as a user meets them.
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ class RecordPrograms : public ::testing::Test {
   }
   /// Plays the nominal handstand and records it.
   [[nodiscard]] Outcome Record(const std::string& more = "") const {
-    return Run("tumbler-run sim " + kHandstand + " --hold-s 0.1 --record " + record_ + " " + more);
+    return Run("tumbler run sim " + kHandstand + " --hold-s 0.1 --record " + record_ + " " + more);
   }
 
   const std::string kHandstand = testing::SourcePath("primitives/nominal/handstand.toml");
@@ -43,14 +43,14 @@ class RecordOfProtocol : public RecordPrograms,
 
 TEST_P(RecordOfProtocol, ReplaysIdentically) {
   const std::string drives = testing::SourcePath(GetParam().file);
-  const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/nominal/gait.toml") +
+  const Outcome run = Run("tumbler run sim " + testing::SourcePath("primitives/nominal/gait.toml") +
                           " --cycles 1 --branch roll --drives " + drives + " --record " + record_);
   ASSERT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("0 not recorded"));
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 0) << replay.text;
   EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
-  const Outcome info = Run("tumbler-record " + record_);
+  const Outcome info = Run("tumbler record " + record_);
   EXPECT_EQ(info.exit_code, 0);
   EXPECT_THAT(info.text, HasSubstr("complete: completed"));
   EXPECT_THAT(info.text, HasSubstr("holds " + drives));
@@ -66,7 +66,7 @@ TEST_P(RecordOfProtocol, OfAMotionThatWasRolledOutAndWentHomeReplaysIdentically)
                        "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"loss\"\n"
                        "node = \"host\"\nduration_s = 0.03\nstart_s = " +
                            std::to_string(0.1 * tenths) + "\n");
-    run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
+    run = Run("tumbler run sim " + testing::SourcePath("primitives/gait.toml") +
               " --cycles 1 --drives " + testing::SourcePath(GetParam().file) + " --bus-faults " +
               (folder_ / "faults.toml") + " --record " + record_);
   }
@@ -74,7 +74,7 @@ TEST_P(RecordOfProtocol, OfAMotionThatWasRolledOutAndWentHomeReplaysIdentically)
   EXPECT_THAT(run.text, HasSubstr("(running); reaction: roll out"));
   EXPECT_THAT(run.text, HasSubstr("as after downstand")) << "it has gone home";
   EXPECT_THAT(run.text, Not(HasSubstr("broken off")));
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 0) << replay.text;
   EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
 }
@@ -86,10 +86,10 @@ INSTANTIATE_TEST_SUITE_P(Protocols, RecordOfProtocol,
 TEST_F(RecordPrograms, ARecordIsOneOfTheRunThatWasPlayedWhateverBecomesOfItsFiles) {
   std::filesystem::copy_file(kHandstand, folder_ / "motion.toml");
   const Outcome run =
-      Run("tumbler-run sim " + (folder_ / "motion.toml") + " --hold-s 0.1 --record " + record_);
+      Run("tumbler run sim " + (folder_ / "motion.toml") + " --hold-s 0.1 --record " + record_);
   ASSERT_EQ(run.exit_code, 0) << run.text;
   std::filesystem::remove(folder_ / "motion.toml");
-  EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0);
+  EXPECT_EQ(Run("tumbler replay " + record_).exit_code, 0);
 }
 
 TEST_F(RecordPrograms, OfDrivesWithADataSheetHoldsItAndNamesItWhenItIsAnotherNow) {
@@ -103,7 +103,7 @@ TEST_F(RecordPrograms, OfDrivesWithADataSheetHoldsItAndNamesItWhenItIsAnotherNow
   const Outcome run = Record("--drives " + (folder_ / "drives.toml"));
   ASSERT_EQ(run.exit_code, 0) << run.text;
   const std::string holds = "holds " + (folder_ / "drive.eds") + " (";
-  Outcome info = Run("tumbler-record " + record_);
+  Outcome info = Run("tumbler record " + record_);
   EXPECT_THAT(info.text, HasSubstr(holds + std::to_string(sheet.size()) + " bytes"));
   EXPECT_THAT(info.text, Not(HasSubstr("another now")));
   // With a drive whose target position cannot be written, a run is refused. The record holds the
@@ -111,23 +111,23 @@ TEST_F(RecordPrograms, OfDrivesWithADataSheetHoldsItAndNamesItWhenItIsAnotherNow
   testing::WriteFile(folder_ / "drive.eds",
                      testing::Replaced(sheet, "AccessType=rww", "AccessType=ro", "[607A]"));
   const Outcome refused =
-      Run("tumbler-run sim " + kHandstand + " --drives " + (folder_ / "drives.toml"));
+      Run("tumbler run sim " + kHandstand + " --drives " + (folder_ / "drives.toml"));
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_THAT(refused.text, HasSubstr("607Ah:00"));
   EXPECT_THAT(refused.text,
               HasSubstr("drive.eds:" + std::to_string(testing::LineOf(sheet, "[607A]"))));
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 0) << replay.text;
   EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
-  info = Run("tumbler-record " + record_);
+  info = Run("tumbler record " + record_);
   EXPECT_EQ(info.exit_code, 0);
   EXPECT_THAT(
       testing::MatchesOf("holds [^\n]*drive.eds [^\n]*; the file there is another now", info.text),
       ::testing::SizeIs(1));
   EXPECT_THAT(testing::MatchesOf("another now", info.text), ::testing::SizeIs(1));
   std::filesystem::remove(folder_ / "drive.eds");
-  EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0);
-  EXPECT_THAT(Run("tumbler-record " + record_).text, Not(HasSubstr("another now")));
+  EXPECT_EQ(Run("tumbler replay " + record_).exit_code, 0);
+  EXPECT_THAT(Run("tumbler record " + record_).text, Not(HasSubstr("another now")));
 }
 
 TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
@@ -140,17 +140,17 @@ TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
   }
   bytes[block.offset + 100] ^= 0x10;
   std::ofstream(record_, std::ios::binary) << bytes;
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 4);
   EXPECT_THAT(replay.text,
               HasSubstr("cannot be replayed further: byte " + std::to_string(block.offset)));
   EXPECT_THAT(replay.text, HasSubstr("(tick): its content does not have the CRC it had"));
   EXPECT_THAT(replay.text, HasSubstr("identical before: 1000 ticks"));
-  const Outcome info = Run("tumbler-record " + record_);
+  const Outcome info = Run("tumbler record " + record_);
   EXPECT_EQ(info.exit_code, 4);
   EXPECT_THAT(info.text, HasSubstr("damaged at byte "));
   // A stop may have been in that tick.
-  const std::string play = "tumbler-replay " + record_ + " --bus can9 --drives " +
+  const std::string play = "tumbler replay " + record_ + " --bus can9 --drives " +
                            testing::SourcePath("primitives/robots/tumbler_drives.toml");
   const Outcome armed = Run(play + " --arm --without-realtime");
   EXPECT_EQ(armed.exit_code, 2) << armed.text;
@@ -174,7 +174,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   std::ofstream(record_, std::ios::binary)
       .write(reinterpret_cast<const char*>(changed.data()),
              static_cast<std::streamsize>(changed.size()));
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 4);
   EXPECT_THAT(replay.text, HasSubstr("different at tick 1000 "));
   EXPECT_THAT(replay.text, HasSubstr("joint leg2: measured.position_rad: recorded "));
@@ -183,7 +183,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
 
 TEST_F(RecordPrograms, KilledInMidRunItLeavesARecordThatReplaysUpToThere) {
   {
-    Program run({testing::ProgramPath("tumbler-run"), "sim", kHandstand, "--realtime", "--record",
+    Program run({testing::ProgramPath("tumbler run"), "sim", kHandstand, "--realtime", "--record",
                  record_});
     // The loop waits until the record has about a second of ticks.
     for (int i = 0; i < 2000; ++i) {
@@ -195,24 +195,24 @@ TEST_F(RecordPrograms, KilledInMidRunItLeavesARecordThatReplaysUpToThere) {
     run.Signal(SIGKILL);
     EXPECT_EQ(run.Wait(), 1000 + SIGKILL) << run.text();
   }
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 0) << replay.text;
   EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
   EXPECT_THAT(replay.text, HasSubstr("the recording was interrupted: it has no end block"));
   EXPECT_GT(std::stoi(replay.text.substr(std::string("identical: ").size())), 500);
-  const Outcome info = Run("tumbler-record " + record_ + " --candump " + (folder_ / "out.log"));
+  const Outcome info = Run("tumbler record " + record_ + " --candump " + (folder_ / "out.log"));
   EXPECT_EQ(info.exit_code, 0) << info.text;
   EXPECT_GT(std::filesystem::file_size(folder_ / "out.log"), 50'000U);
 }
 
 TEST_F(RecordPrograms, AFullDiskEndsTheRecordingAndNotTheRun) {
-  const Outcome run = Run(std::string("ulimit -f 200; tumbler-run sim ") + kHandstand +
+  const Outcome run = Run(std::string("ulimit -f 200; tumbler run sim ") + kHandstand +
                           " --hold-s 0.1 --record " + record_);
   EXPECT_EQ(run.exit_code, 4) << run.text;
   EXPECT_THAT(run.text, HasSubstr("recording stopped after "));
   EXPECT_THAT(run.text, HasSubstr("File too large"));
   EXPECT_THAT(run.text, HasSubstr("completed: handstand on sim"));
-  const Outcome replay = Run("tumbler-replay " + record_);
+  const Outcome replay = Run("tumbler replay " + record_);
   EXPECT_EQ(replay.exit_code, 0) << replay.text;
   EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
 }
@@ -226,10 +226,9 @@ TEST_F(RecordPrograms, AnExistingRecordIsKeptAndNothingIsRun) {
 }
 
 TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
-  ASSERT_EQ(Record("--trace " + (folder_ / "a.csv") + " --log " + (folder_ / "a.lcm")).exit_code,
-            0);
-  const Outcome exported = Run("tumbler-record " + record_ + " --csv " + (folder_ / "b.csv") +
-                               " --lcm " + (folder_ / "b.lcm"));
+  ASSERT_EQ(Record("--csv " + (folder_ / "a.csv") + " --log " + (folder_ / "a.lcm")).exit_code, 0);
+  const Outcome exported = Run("tumbler record " + record_ + " --csv " + (folder_ / "b.csv") +
+                               " --log " + (folder_ / "b.lcm"));
   EXPECT_EQ(exported.exit_code, 0) << exported.text;
   EXPECT_EQ(ReadFile(folder_ / "b.csv"), ReadFile(folder_ / "a.csv"));
   EXPECT_EQ(ReadFile(folder_ / "b.lcm"), ReadFile(folder_ / "a.lcm"));
@@ -238,11 +237,11 @@ TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
 
 TEST_F(RecordPrograms, AnExportThatDoesNotFitLeavesTheFileThatWasThere) {
   ASSERT_EQ(Record().exit_code, 0);
-  for (const std::string option : {"--candump", "--csv", "--lcm", "--mcap", "--truth-csv"}) {
+  for (const std::string option : {"--candump", "--csv", "--log", "--mcap", "--truth-csv"}) {
     const std::string path = folder_ / "kept/x";
     std::filesystem::create_directory(folder_.path() / "kept");
     std::ofstream(path) << "precious";
-    std::string command = "tumbler-record ";
+    std::string command = "tumbler record ";
     command.append(record_).append(" ").append(option).append(" ").append(path);
     const Outcome full = Run("ulimit -f 50; trap '' XFSZ; " + command);
     EXPECT_EQ(full.exit_code, 1) << option << full.text;
@@ -252,20 +251,20 @@ TEST_F(RecordPrograms, AnExportThatDoesNotFitLeavesTheFileThatWasThere) {
     EXPECT_NE(Run("ulimit -f 50; " + command).exit_code, 0);
     EXPECT_EQ(ReadFile(path), "precious") << option;
     std::filesystem::remove_all(folder_.path() / "kept");
-    EXPECT_EQ(Run("tumbler-record " + record_ + " " + option + " -").exit_code, 1) << option;
+    EXPECT_EQ(Run("tumbler record " + record_ + " " + option + " -").exit_code, 1) << option;
   }
 }
 
 TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
   ASSERT_EQ(Record().exit_code, 0);
   const std::string other = folder_ / "other.rec";
-  ASSERT_EQ(Run("tumbler-run sim " + kHandstand + " --hold-s 0.1 --drives " +
+  ASSERT_EQ(Run("tumbler run sim " + kHandstand + " --hold-s 0.1 --drives " +
                 testing::SourcePath("primitives/robots/tumbler_drives_cia402.toml") + " --record " +
                 other)
                 .exit_code,
             0);
   const Outcome same =
-      Run("tumbler-replay " + record_ + " --against " + other + " --svg " + (folder_ / "a.svg"));
+      Run("tumbler replay " + record_ + " --against " + other + " --svg " + (folder_ / "a.svg"));
   EXPECT_EQ(same.exit_code, 0) << same.text;
   EXPECT_THAT(same.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
   EXPECT_THAT(ReadFile(folder_ / "a.svg"), HasSubstr("leg2: reply less setpoint [rad]"));
@@ -276,10 +275,10 @@ TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
                             "style='max-width:1400px' "));
 
   const std::string slow = folder_ / "slow.rec";
-  ASSERT_EQ(Run("tumbler-run sim " + kHandstand + " --speed 0.98 --hold-s 0.1 --record " + slow)
+  ASSERT_EQ(Run("tumbler run sim " + kHandstand + " --speed 0.98 --hold-s 0.1 --record " + slow)
                 .exit_code,
             0);
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 4);
+  EXPECT_EQ(Run("tumbler replay " + record_ + " --against " + slow).exit_code, 4);
 }
 
 TEST_F(RecordPrograms, AComparisonSaysWhatOfARecordCannotBeRead) {
@@ -287,7 +286,7 @@ TEST_F(RecordPrograms, AComparisonSaysWhatOfARecordCannotBeRead) {
   const std::string other = folder_ / "other.rec";
   std::string bytes = ReadFile(record_);
   testing::WriteFile(other, bytes.substr(0, bytes.size() - 7));
-  const Outcome cut_off = Run("tumbler-replay " + record_ + " --against " + other);
+  const Outcome cut_off = Run("tumbler replay " + record_ + " --against " + other);
   EXPECT_EQ(cut_off.exit_code, 0) << cut_off.text;
   EXPECT_THAT(cut_off.text, HasSubstr(other + ": cut off: "));
   EXPECT_THAT(cut_off.text, Not(HasSubstr(record_ + ": ")));
@@ -299,8 +298,8 @@ TEST_F(RecordPrograms, AComparisonSaysWhatOfARecordCannotBeRead) {
   }
   bytes[block.offset + 100] ^= 0x10;
   testing::WriteFile(other, bytes);
-  for (const std::string& command : {"tumbler-replay " + record_ + " --against " + other,
-                                     "tumbler-replay " + other + " --against " + record_}) {
+  for (const std::string& command : {"tumbler replay " + record_ + " --against " + other,
+                                     "tumbler replay " + other + " --against " + record_}) {
     const Outcome damaged = Run(command);
     EXPECT_EQ(damaged.exit_code, 4) << damaged.text;
     EXPECT_THAT(damaged.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
@@ -313,33 +312,33 @@ TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
   const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
   ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
   const std::string log = folder_ / "run.log";
-  ASSERT_EQ(Run("tumbler-record " + record_ + " --candump " + log).exit_code, 0);
+  ASSERT_EQ(Run("tumbler record " + record_ + " --candump " + log).exit_code, 0);
   const Outcome read =
-      Run("tumbler-replay " + log + " --drives " + drives + " --svg " + (folder_ / "log.svg"));
+      Run("tumbler replay " + log + " --drives " + drives + " --svg " + (folder_ / "log.svg"));
   EXPECT_EQ(read.exit_code, 0) << read.text;
   EXPECT_THAT(read.text, HasSubstr("leg1: "));
   EXPECT_THAT(read.text, HasSubstr(" setpoints, 0 replies missing; tracking error 0.00"));
   EXPECT_THAT(ReadFile(folder_ / "log.svg"), HasSubstr("</svg>"));
-  const Outcome without = Run("tumbler-replay " + log);
+  const Outcome without = Run("tumbler replay " + log);
   EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are in it"));
-  const Outcome on_bus = Run("tumbler-replay " + log + " --bus can9 --drives " + drives);
+  const Outcome on_bus = Run("tumbler replay " + log + " --bus can9 --drives " + drives);
   EXPECT_EQ(on_bus.exit_code, 1);
   EXPECT_THAT(on_bus.text, HasSubstr("play it with `canplayer`"));
 }
 
 TEST_F(RecordPrograms, APlayOnABusNeedsTheBusAndItsDrives) {
   ASSERT_EQ(Record().exit_code, 0);
-  const Outcome without = Run("tumbler-replay " + record_ + " --bus can9");
+  const Outcome without = Run("tumbler replay " + record_ + " --bus can9");
   EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are on the bus"));
-  const Outcome absent = Run("tumbler-replay " + record_ + " --bus can9 --drives " +
+  const Outcome absent = Run("tumbler replay " + record_ + " --bus can9 --drives " +
                              testing::SourcePath("primitives/robots/tumbler_drives.toml") +
                              " --arm --without-realtime");
   EXPECT_EQ(absent.exit_code, 1);
   EXPECT_THAT(absent.text, HasSubstr("can9"));
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --arm").exit_code, 1);
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 1);
+  EXPECT_EQ(Run("tumbler replay " + record_ + " --arm").exit_code, 1);
+  EXPECT_EQ(Run("tumbler replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 1);
 }
 
 TEST_F(RecordPrograms, WhatARecordHasMilderIsRefusedByNameUntilAnOptionSaysWhatHolds) {
@@ -354,8 +353,8 @@ TEST_F(RecordPrograms, WhatARecordHasMilderIsRefusedByNameUntilAnOptionSaysWhatH
                 .exit_code,
             4)
       << "without torque 2 s later, what the motion is for is not judged";
-  EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0) << "at a desk nothing moves";
-  const std::string play = "tumbler-replay " + record_ + " --bus can9 --drives " + drives;
+  EXPECT_EQ(Run("tumbler replay " + record_).exit_code, 0) << "at a desk nothing moves";
+  const std::string play = "tumbler replay " + record_ + " --bus can9 --drives " + drives;
   const Outcome refused = Run(play);
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
   EXPECT_THAT(refused.text, HasSubstr(record_ + ": the run that was recorded had milder settings"));
@@ -384,10 +383,10 @@ TEST_F(RecordPrograms, WhatARecordHasMilderIsRefusedByNameUntilAnOptionSaysWhatH
 
 TEST_F(RecordPrograms, ARecordOfARobotThatGetsUpDoesNotGetUpUnasked) {
   const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
-  const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
+  const Outcome run = Run("tumbler run sim " + testing::SourcePath("primitives/gait.toml") +
                           " --cycles 1 --get-ups 3 --drives " + drives + " --record " + record_);
   ASSERT_EQ(run.exit_code, 0) << run.text;
-  const std::string play = "tumbler-replay " + record_ + " --bus can9 --drives " + drives;
+  const std::string play = "tumbler replay " + record_ + " --bus can9 --drives " + drives;
   const Outcome refused = Run(play);
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
   EXPECT_THAT(refused.text,
@@ -408,7 +407,7 @@ TEST_F(RecordPrograms, ADryRunOfASequenceThatNothingInTheRecordEndsIsRefused) {
   std::ofstream(drives) << text;
   for (const bool ended : {false, true}) {
     std::filesystem::remove(record_);
-    Program run({testing::ProgramPath("tumbler-run"), "sim",
+    Program run({testing::ProgramPath("tumbler run"), "sim",
                  testing::SourcePath("primitives/nominal/gait.toml"), "--realtime", "--drives",
                  drives, "--record", record_});
     ASSERT_TRUE(testing::Eventually([&] {
@@ -418,7 +417,7 @@ TEST_F(RecordPrograms, ADryRunOfASequenceThatNothingInTheRecordEndsIsRefused) {
     }));
     run.Signal(ended ? SIGINT : SIGKILL);
     run.Wait();
-    const Outcome play = Run("tumbler-replay " + record_ + " --bus can9 --drives " + drives);
+    const Outcome play = Run("tumbler replay " + record_ + " --bus can9 --drives " + drives);
     if (ended) {
       EXPECT_THAT(play.text, HasSubstr("stopped on can9 (dry run"));
     } else {
@@ -431,10 +430,10 @@ TEST_F(RecordPrograms, ADryRunOfASequenceThatNothingInTheRecordEndsIsRefused) {
 TEST_F(RecordPrograms, WhatTheDrivesOfNowHaveOtherwiseIsSaid) {
   const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
   ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
-  const Outcome armed = Run("tumbler-replay " + record_ + " --bus can9 --arm --without-realtime");
+  const Outcome armed = Run("tumbler replay " + record_ + " --bus can9 --arm --without-realtime");
   EXPECT_EQ(armed.exit_code, 1);
   EXPECT_THAT(armed.text, HasSubstr("say with --drives which drives are on the bus"));
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --bus can9").exit_code, 0)
+  EXPECT_EQ(Run("tumbler replay " + record_ + " --bus can9").exit_code, 0)
       << "a dry run takes the drives of the record";
   std::string text = ReadFile(drives);
   text = testing::ReplacedAll(text, "kp_nm_per_rad = 40.0", "kp_nm_per_rad = 30.0");
@@ -443,7 +442,7 @@ TEST_F(RecordPrograms, WhatTheDrivesOfNowHaveOtherwiseIsSaid) {
   text = testing::ReplacedAll(text, "zero_offset_rad = 0.0", "zero_offset_rad = 0.1");
   testing::WriteFile(folder_ / "now.toml", text);
   const Outcome now =
-      Run("tumbler-replay " + record_ + " --bus can9 --drives " + (folder_ / "now.toml"));
+      Run("tumbler replay " + record_ + " --bus can9 --drives " + (folder_ / "now.toml"));
   for (const char* line : {"joint leg2: zero_offset_rad is 0.1; it was 0 ",
                            "joint leg1: watchdog_s is 0.05; it was 0.025 ",
                            "joint leg1: kp_nm_per_rad is 30; it was 40 ",
@@ -455,9 +454,9 @@ TEST_F(RecordPrograms, WhatTheDrivesOfNowHaveOtherwiseIsSaid) {
 TEST_F(RecordPrograms, ALogOfSeveralInterfacesIsReadForTheOneThatIsNamed) {
   const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
   ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
-  ASSERT_EQ(Run("tumbler-record " + record_ + " --candump " + (folder_ / "one.log")).exit_code, 0);
+  ASSERT_EQ(Run("tumbler record " + record_ + " --candump " + (folder_ / "one.log")).exit_code, 0);
   const std::string one = ReadFile(folder_ / "one.log");
-  const Outcome alone = Run("tumbler-replay " + (folder_ / "one.log") + " --drives " + drives);
+  const Outcome alone = Run("tumbler replay " + (folder_ / "one.log") + " --drives " + drives);
   ASSERT_EQ(alone.exit_code, 0) << alone.text;
   // As `candump any` logs two buses: on the other one the same drives hold still.
   std::string both;
@@ -470,7 +469,7 @@ TEST_F(RecordPrograms, ALogOfSeveralInterfacesIsReadForTheOneThatIsNamed) {
     both += testing::ReplacedAll(line.substr(0, hash), " sim ", " can1 ") + "#7FFF7FF0CCD337FF\n";
   }
   testing::WriteFile(folder_ / "both.log", both);
-  const std::string read = "tumbler-replay " + (folder_ / "both.log") + " --drives " + drives;
+  const std::string read = "tumbler replay " + (folder_ / "both.log") + " --drives " + drives;
   const Outcome merged = Run(read);
   EXPECT_EQ(merged.exit_code, 1);
   EXPECT_THAT(merged.text, HasSubstr("has frames of several interfaces: can0 ("));
@@ -483,11 +482,11 @@ TEST_F(RecordPrograms, ALogOfSeveralInterfacesIsReadForTheOneThatIsNamed) {
   const Outcome absent = Run(read + " --interface can2");
   EXPECT_EQ(absent.exit_code, 1);
   EXPECT_THAT(absent.text, HasSubstr("has no frame of 'can2'; it has those of can0 ("));
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --interface can0").exit_code, 1);
+  EXPECT_EQ(Run("tumbler replay " + record_ + " --interface can0").exit_code, 1);
 }
 
 TEST_F(RecordPrograms, WrongUseEndsWithStatus1) {
-  for (const std::string program : {"tumbler-record", "tumbler-replay"}) {
+  for (const std::string program : {"tumbler record", "tumbler replay"}) {
     EXPECT_EQ(Run(program).exit_code, 1);
     EXPECT_EQ(Run(program + " --nonsense x").exit_code, 1);
     const Outcome absent = Run(program + " " + (folder_ / "absent"));
