@@ -209,8 +209,8 @@ struct Twin::Implementation {
     }
   }
 
-  void Slope(const SceneDynamics::State& state, double* k) {
-    robot.SetFree(state);
+  /// Of the state that the robot is in.
+  void Slope(double* k) {
     robot.Touch();
     ApplyPatches();
     ApplyPushes();
@@ -255,7 +255,8 @@ struct Twin::Implementation {
   void Integrate(double h) {
     StepRungeKutta<kMidpoint>(y, 2 * robot.free.size(), h,
                               [this](int s, const SceneDynamics::State& state, double* k) {
-                                Slope(state, k);
+                                robot.SetFree(state);
+                                Slope(k);
                                 if (s == 0) NoteContacts();
                                 return true;
                               });
