@@ -31,61 +31,91 @@ namespace {
 constexpr std::size_t kLanes = Packet::kLanes;
 constexpr double kTick_s = 1e-3;  // of the runtime that will play the motion
 constexpr std::size_t kPitch = 2;
-/// How long a robot stands before the motion, so that it rests on its own ground.
-constexpr double kBefore_s = 0.5;
-/// How long after the settle phase the robot has to be at rest, and how long that is watched.
-constexpr double kLater_s = 0.9;
-constexpr double kWatched_s = 0.4;
+
+/// What a robot is watched for.
+struct Watching {
+  /// How long a robot stands before the motion, so that it rests on its own ground.
+  static constexpr double kBefore_s = 0.5;
+  /// How long after the settle phase the robot has to be at rest, and how long that is watched.
+  static constexpr double kLater_s = 0.9;
+  static constexpr double kWatched_s = 0.4;
+};
+
 /// Steps that do where motions are ranked, and those of the last improvement, which are the twin's
 /// to some 0.5 % of robots.
 constexpr LaneSteps kRough{.per_tick = 2}, kFine{.per_tick = 4};
-/// Thinning of the feed-forward: half the width of a triangle [ticks], as wide as the knots of a
-/// primitive's torque.
-constexpr int kSmoothing_ticks = 12;
-constexpr int kPopulation = 16;
-/// Random motions that go on from the model to 16 robots.
-constexpr std::size_t kKept = 1000;
-/// Parts of the contact's layer and of the torque limit that the plan may use. The certificate and
-/// the second look take finer steps than lanes do, and refuse a motion above the whole.
-constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
-/// A candidate worth this keeps no limit of its path, and is not simulated.
-constexpr double kUnplayable = 4;
-/// What a path that is at its limits exceeds them by once a primitive's file has rounded it.
-constexpr double kRounding = 1e-9;
-/// A loss from which on robots mostly fall, and one that cannot be told from 0.
-constexpr double kHopeless = 0.9;
-constexpr double kPerfect = 1e-3;
-/// A loss below which a motion carries a robot (`LossOf`).
-constexpr double kCarried = 0.2;
-/// A loss with which the model does what is asked, and not only nearly.
-constexpr double kCalm = 0.08;
-/// A motion of which most robots still fall is kept where its loss is at most this part of the
-/// worst.
-constexpr double kBetter = 0.95;
-/// How many robots are looked at, for each that is wanted, to find those that no motion carries.
-constexpr int kLooked = 200;
-/// The loss of a robot that the runtime stops, or whose own shapes overlap.
-constexpr double kFaultLoss = 1.3;
-/// How often the shapes of robots whose setpoints are corrected are looked at [ticks].
-constexpr int kLookAtShapes = 2;
-/// Change of the logarithm of a free duration with the variable that stands for it, so that this is
-/// of the size of the others.
-constexpr double kStretch = 0.5;
-constexpr int kHopelessAfter = 20;  // generations
-/// Gains of a feedback in the motion, for one of the variables that stand for them, whose standard
-/// deviation is 1 at first. With a tenth of it nothing is found that is better than no feedback.
-constexpr double kAngleGain = 2, kRateGain = 0.2;
-/// The largest gains that are tried.
-constexpr double kLargestAngleGain = 20, kLargestRateGain = 5;
-/// When after a motion a feedback of the hold sets in, once the robot has landed, and how long it
-/// takes; and for how many random motions one law is tried.
-constexpr double kHoldBegins_s = 0.2, kHoldRise_s = 0.1;
-constexpr int kMotionsForHold = 75;
-/// The dead zone of a feedback that acts in the motion alone, and where it has ended: several times
-/// a sensor's noise. With one of the hold it is that.
-constexpr double kErrorMin_rad = 0.02, kErrorFull_rad = 0.06;
-/// Where the fed-back angle is off by more, nothing is corrected, and how fast feedback fades.
-constexpr double kErrorMax_rad = 0.6, kStartErrorMax_rad = 0.2, kFade_s = 0.05;
+
+/// The random motions.
+struct Drawing {
+  /// Motions that go on from the model to 16 robots.
+  static constexpr std::size_t kKept = 1000;
+};
+
+/// The improvement of motions.
+struct Improving {
+  static constexpr int kPopulation = 16;
+  /// A loss from which on robots mostly fall, and one that cannot be told from 0.
+  static constexpr double kHopeless = 0.9;
+  static constexpr double kPerfect = 1e-3;
+  static constexpr int kHopelessAfter = 20;  // generations
+  /// Change of the logarithm of a free duration with the variable that stands for it, so that this
+  /// is of the size of the others.
+  static constexpr double kStretch = 0.5;
+};
+
+/// The plan of a motion, and the limits of its path.
+struct Planning {
+  /// Thinning of the feed-forward: half the width of a triangle [ticks], as wide as the knots of a
+  /// primitive's torque.
+  static constexpr int kSmoothing_ticks = 12;
+  /// Parts of the contact's layer and of the torque limit that the plan may use. The certificate
+  /// and the second look take finer steps than lanes do, and refuse a motion above the whole.
+  static constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
+  /// A candidate worth this keeps no limit of its path, and is not simulated.
+  static constexpr double kUnplayable = 4;
+  /// What a path that is at its limits exceeds them by once a primitive's file has rounded it.
+  static constexpr double kRounding = 1e-9;
+};
+
+/// The loss of robots whose setpoints are corrected.
+struct Faulting {
+  /// The loss of a robot that the runtime stops, or whose own shapes overlap.
+  static constexpr double kFaultLoss = 1.3;
+  /// How often the shapes are looked at [ticks].
+  static constexpr int kLookAtShapes = 2;
+};
+
+/// Motions for the robots that other motions do not carry.
+struct Complementing {
+  /// A loss below which a motion carries a robot (`LossOf`).
+  static constexpr double kCarried = 0.2;
+  /// A loss with which the model does what is asked, and not only nearly.
+  static constexpr double kCalm = 0.08;
+  /// A motion of which most robots still fall is kept where its loss is at most this part of the
+  /// worst.
+  static constexpr double kBetter = 0.95;
+  /// How many robots are looked at, for each that is wanted, to find those that no motion carries.
+  static constexpr int kLooked = 200;
+};
+
+/// The feedback in the motion and that of the hold.
+struct FeedingBack {
+  /// Gains of a feedback in the motion, for one of the variables that stand for them, whose
+  /// standard deviation is 1 at first. With a tenth of it nothing is found that is better than no
+  /// feedback.
+  static constexpr double kAngleGain = 2, kRateGain = 0.2;
+  /// The largest gains that are tried.
+  static constexpr double kLargestAngleGain = 20, kLargestRateGain = 5;
+  /// When after a motion a feedback of the hold sets in, once the robot has landed, and how long it
+  /// takes; and for how many random motions one law is tried.
+  static constexpr double kHoldBegins_s = 0.2, kHoldRise_s = 0.1;
+  static constexpr int kMotionsForHold = 75;
+  /// The dead zone of a feedback that acts in the motion alone, and where it has ended: several
+  /// times a sensor's noise. With one of the hold it is that.
+  static constexpr double kErrorMin_rad = 0.02, kErrorFull_rad = 0.06;
+  /// Where the fed-back angle is off by more, nothing is corrected, and how fast feedback fades.
+  static constexpr double kErrorMax_rad = 0.6, kStartErrorMax_rad = 0.2, kFade_s = 0.05;
+};
 
 int Ticks(double time_s) { return static_cast<int>(std::lround(time_s / kTick_s)); }
 
@@ -178,7 +208,7 @@ class RobustSearch {
   [[nodiscard]] double DurationOf(const std::vector<double>& x) const {
     if (!free_duration()) return problem_.duration_s;
     const double stretched_s =
-        problem_.duration_s * portable::Exp(kStretch * x[Index(parameters_)]);
+        problem_.duration_s * portable::Exp(Improving::kStretch * x[Index(parameters_)]);
     return kTick_s * std::round(stretched_s / kTick_s);
   }
 
@@ -225,7 +255,7 @@ class RobustSearch {
       const Ensemble one =
           EnsembleOf(std::vector<std::uint64_t>(kLanes, robot), scale, seed, kRough);
       found.push_back(ImproveOne(from, static_cast<int>(found.size()) - 1, kSigma, one,
-                                 robust_.generations / 3, kHopeless));
+                                 robust_.generations / 3, Improving::kHopeless));
     }
     std::vector<std::vector<double>> motions;
     for (const Candidate& candidate : found) motions.push_back(candidate.x);
@@ -233,7 +263,8 @@ class RobustSearch {
     for (std::size_t i = 0; i < found.size(); ++i) found[i].loss = losses[i];
     const double worst = std::ranges::max(losses);
     std::erase_if(found, [&](const Candidate& candidate) {
-      return candidate.loss > kHopeless && candidate.loss > kBetter * worst;
+      return candidate.loss > Improving::kHopeless &&
+             candidate.loss > Complementing::kBetter * worst;
     });
     Sort(found);
     ++stage_;
@@ -256,15 +287,15 @@ class RobustSearch {
     } else {
       hold_.emplace();
       AddHoldKnots(DurationOf(motion.x), 1, *hold_);
-      hold_->error_min_rad = kErrorMin_rad;
-      hold_->error_full_rad = kErrorFull_rad;
+      hold_->error_min_rad = FeedingBack::kErrorMin_rad;
+      hold_->error_full_rad = FeedingBack::kErrorFull_rad;
     }
     motion.x.resize(variables());
     for (int round = robust_.polish_rounds; round >= 0; --round) {
       ++stage_;
       const double sigma = round == robust_.polish_rounds ? 1.0 : 0.5;
-      motion = ImproveOne(motion, 0, sigma, Polishing(1 << round), robust_.generations, kHopeless,
-                          first_gain());
+      motion = ImproveOne(motion, 0, sigma, Polishing(1 << round), robust_.generations,
+                          Improving::kHopeless, first_gain());
     }
   }
 
@@ -347,7 +378,7 @@ class RobustSearch {
     for (const Primitive<double>& motion : complement_) motions.push_back(SetpointsOf(motion));
     std::vector<std::uint64_t> found;
     std::uint64_t looked = 0;
-    while (found.size() < count && looked < count * kLooked && !interrupted()) {
+    while (found.size() < count && looked < count * Complementing::kLooked && !interrupted()) {
       std::array<std::array<bool, kLanes>, kPackets> carried{};
       ParallelFor(static_cast<int>(kPackets), options_.threads, [&](int packet, int /*thread*/) {
         std::vector<std::uint64_t> which;
@@ -359,7 +390,7 @@ class RobustSearch {
           const std::array<double, kLanes> losses = LossesOf(
               MakePlay(ensemble, 0, motions[m], distances), Ticks(complement_[m].duration_s));
           for (std::size_t lane = 0; lane < kLanes; ++lane)
-            carried[Index(packet)][lane] |= losses[lane] < kCarried;
+            carried[Index(packet)][lane] |= losses[lane] < Complementing::kCarried;
         }
       });
       for (std::size_t i = 0; i < kPackets * kLanes && found.size() < count; ++i)
@@ -379,7 +410,7 @@ class RobustSearch {
 
   /// Those of a primitive, as its hold goes on.
   Setpoints SetpointsOf(const Primitive<double>& motion) const {
-    const int end = Ticks(motion.duration_s) + Ticks(problem_.settle_s) + Ticks(kLater_s);
+    const int end = Ticks(motion.duration_s) + Ticks(problem_.settle_s) + Ticks(Watching::kLater_s);
     Setpoints setpoints;
     for (int k = 0; k < end; ++k) {
       const double t = std::min(k * kTick_s, motion.duration_s);
@@ -403,7 +434,7 @@ class RobustSearch {
     for (std::size_t j = 0; j < joints_; ++j)
       ensemble.held[j] = {Packet::Of(problem_.joints[j].start_rad), Packet::Of(0), Packet::Of(0)};
     Setpoints hold;
-    for (int k = 0; k < Ticks(kBefore_s); ++k)
+    for (int k = 0; k < Ticks(Watching::kBefore_s); ++k)
       hold.insert(hold.end(), ensemble.held.begin(), ensemble.held.begin() + joints_);
     for (std::size_t first = 0; first < which.size(); first += kLanes) {
       std::array<LaneRobot<double>, kLanes> each;
@@ -430,7 +461,7 @@ class RobustSearch {
       ensemble.states.push_back(state);
       if (!hold_) continue;
       const double most_s = robust_.duration_max_s.value_or(problem_.duration_s);
-      const double time_s = most_s + problem_.settle_s + kLater_s;
+      const double time_s = most_s + problem_.settle_s + Watching::kLater_s;
       ensemble.noise.emplace_back(*robust_.feedback, Index(Ticks(time_s)) + 1, seed,
                                   ensemble.noise.size());
     }
@@ -441,7 +472,7 @@ class RobustSearch {
   [[nodiscard]] bool IsPlayable(const std::vector<double>& x) const {
     constexpr double kNearly = 0.3;
     SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
-    return PathExcess(x, distances) < kUnplayable && Plans({x}).front().excess < kNearly;
+    return PathExcess(x, distances) < Planning::kUnplayable && Plans({x}).front().excess < kNearly;
   }
 
   /// How far the path leaves its limits and the clearance; 0 where it keeps them.
@@ -465,7 +496,7 @@ class RobustSearch {
       const double faster = row.derivative == 1 ? haste : haste * haste;
       excess += std::max(0.0, sum * faster + (faster - 1));
     }
-    if (excess > kRounding) return kUnplayable + excess;
+    if (excess > Planning::kRounding) return Planning::kUnplayable + excess;
     const SelfContact& own = problem_.scene.self_contact;
     if (own.pairs.empty()) return 0;
     const auto splines = SplinesOf(x);
@@ -541,9 +572,9 @@ class RobustSearch {
     std::vector<Plan> plans(motions.size());
     if (!complement_.empty()) NoteUnrest(model, step_s, setpoints, state, plans);
     for (std::size_t m = 0; m < motions.size(); ++m) {
-      plans[m].excess += std::max(0.0, watch.depth.lane(m) - kLargestDepth);
+      plans[m].excess += std::max(0.0, watch.depth.lane(m) - Planning::kLargestDepth);
       for (std::size_t j = 0; j < joints_; ++j) {
-        const double limit = kLargestTorque * problem_.joints[j].limits.torque_max_nm;
+        const double limit = Planning::kLargestTorque * problem_.joints[j].limits.torque_max_nm;
         plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
       }
       plans[m].feed_forward = Smoothed(torques, m, TicksOf(motions[m]), kSteps);
@@ -559,7 +590,7 @@ class RobustSearch {
     constexpr double kPart = 0.7;  // of the tolerances
     const std::array<double, kLanes> off = OffOf(state);
     Setpoints last;
-    const auto steps = static_cast<int>(std::lround(kWatched_s / step_s));
+    const auto steps = static_cast<int>(std::lround(Watching::kWatched_s / step_s));
     for (int k = 0; k < steps; ++k) {
       last.insert(last.end(), setpoints.end() - static_cast<std::ptrdiff_t>(joints_),
                   setpoints.end());
@@ -571,7 +602,7 @@ class RobustSearch {
       const double speed = watch.root_speed.lane(m);
       plans[m].excess += std::max(0.0, off[m] / (kPart * tolerance_rad_) - 1);
       plans[m].excess += std::max(0.0, speed / (kPart * CostTerm::kRateTolerance) - 1);
-      if (!std::isfinite(plans[m].excess)) plans[m].excess = kUnplayable;
+      if (!std::isfinite(plans[m].excess)) plans[m].excess = Planning::kUnplayable;
     }
   }
 
@@ -583,10 +614,10 @@ class RobustSearch {
     for (int k = 0; k <= ticks; ++k) {
       for (std::size_t j = 0; j < joints_; ++j) {
         double sum = 0, weights = 0;
-        for (int m = -kSmoothing_ticks; m <= kSmoothing_ticks; ++m) {
+        for (int m = -Planning::kSmoothing_ticks; m <= Planning::kSmoothing_ticks; ++m) {
           const int step = (k + m) * steps;
           if (step < 0 || step >= count) continue;
-          const double weight = kSmoothing_ticks + 1 - std::abs(m);
+          const double weight = Planning::kSmoothing_ticks + 1 - std::abs(m);
           sum += weight * torques[Index(step) * joints_ + j].lane(lane);
           weights += weight;
         }
@@ -618,11 +649,13 @@ class RobustSearch {
         JointFeedback<double>& joint = feedback.joints[j];
         for (int k = 0; k < knots; ++k) {
           joint.angle_gain[Index(k)] =
-              std::clamp(kAngleGain * *x++, -kLargestAngleGain, kLargestAngleGain);
+              std::clamp(FeedingBack::kAngleGain * *x++, -FeedingBack::kLargestAngleGain,
+                         FeedingBack::kLargestAngleGain);
         }
         for (int k = 0; k < knots; ++k) {
           joint.rate_gain[Index(k)] =
-              std::clamp(kRateGain * *x++, -kLargestRateGain, kLargestRateGain);
+              std::clamp(FeedingBack::kRateGain * *x++, -FeedingBack::kLargestRateGain,
+                         FeedingBack::kLargestRateGain);
         }
         const auto last = Index(hold_->knot_count - 1);
         joint.angle_gain[Index(knots + 1)] = hold_->joints[j].angle_gain[last];
@@ -633,8 +666,9 @@ class RobustSearch {
 
   /// Two knots more: when the gains of the hold begin, and when they are whole.
   static void AddHoldKnots(double duration_s, int knots, Feedback<double>& law) {
-    law.knots_s[Index(knots)] = duration_s + kHoldBegins_s;
-    law.knots_s[Index(knots + 1)] = duration_s + kHoldBegins_s + kHoldRise_s;
+    law.knots_s[Index(knots)] = duration_s + FeedingBack::kHoldBegins_s;
+    law.knots_s[Index(knots + 1)] =
+        duration_s + FeedingBack::kHoldBegins_s + FeedingBack::kHoldRise_s;
     law.knot_count = knots + 2;
   }
 
@@ -650,9 +684,9 @@ class RobustSearch {
     Feedback<double> law;
     law.link = FixedString<32>(settings.link);
     law.angle = FitAngle(duration_s, angles);
-    law.error_max_rad = kErrorMax_rad;
-    law.start_error_max_rad = kStartErrorMax_rad;
-    law.fade_in_s = law.fade_out_s = kFade_s;
+    law.error_max_rad = FeedingBack::kErrorMax_rad;
+    law.start_error_max_rad = FeedingBack::kStartErrorMax_rad;
+    law.fade_in_s = law.fade_out_s = FeedingBack::kFade_s;
     for (std::size_t j = 0; j < joints_; ++j) {
       law.joints[j].chain = chain[j];
       law.joints[j].correction_max_rad = settings.correction_max_rad;
@@ -706,7 +740,8 @@ class RobustSearch {
     ++stage_;
     return FindHoldFeedback(
         study,
-        {std::max(robust_.samples / kMotionsForHold, 8), robust_.improved, robust_.generations / 2},
+        {std::max(robust_.samples / FeedingBack::kMotionsForHold, 8), robust_.improved,
+         robust_.generations / 2},
         problem_.search.seed, options_.threads,
         [this](int start, std::int64_t tried, double loss) {
           evaluations_ += tried;
@@ -820,7 +855,7 @@ class RobustSearch {
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
                              const Ensemble& ensemble, Distances& distances) const {
-    const int end = TicksOf(x) + Ticks(problem_.settle_s) + Ticks(kLater_s);
+    const int end = TicksOf(x) + Ticks(problem_.settle_s) + Ticks(Watching::kLater_s);
     Setpoints setpoints(Index(end) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
@@ -880,7 +915,7 @@ class RobustSearch {
         kernel_.drive(lanes_.model, robots, play.ensemble.steps, corrected, play.held, play.state,
                       play.watch);
         NoteFaults(corrected, play);
-        if (k % kLookAtShapes == 0) NoteOverlaps(play);
+        if (k % Faulting::kLookAtShapes == 0) NoteOverlaps(play);
       }
     }
     play.tick = end;
@@ -916,17 +951,17 @@ class RobustSearch {
   [[nodiscard]] std::array<double, kLanes> LossesOf(Play play, int ticks) const {
     const LaneRobot<Packet>& robots = play.ensemble.robots[play.packet];
     const int settled_tick = ticks + Ticks(problem_.settle_s);
-    const int end = settled_tick + Ticks(kLater_s);
+    const int end = settled_tick + Ticks(Watching::kLater_s);
     Advance(play, robots, settled_tick);
     const std::array<double, kLanes> settled = OffOf(play.state);
-    Advance(play, robots, end - Ticks(kWatched_s));
+    Advance(play, robots, end - Ticks(Watching::kWatched_s));
     play.watch = {};
     Advance(play, robots, end);
     const std::array<double, kLanes> off = OffOf(play.state);
     std::array<double, kLanes> losses;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       losses[lane] = play.faulty[lane]
-                         ? kFaultLoss
+                         ? Faulting::kFaultLoss
                          : LossOf(settled[lane], off[lane], play.watch.root_speed.lane(lane));
     }
     return losses;
@@ -944,7 +979,7 @@ class RobustSearch {
       const std::size_t end = std::min(motions.size(), Index(p + 1) * kLanes);
       for (std::size_t i = Index(p) * kLanes; i < end; ++i) {
         losses[i] = PathExcess(motions[i], distances.front());
-        if (losses[i] >= kUnplayable) continue;
+        if (losses[i] >= Planning::kUnplayable) continue;
         playable.push_back(motions[i]);
         which.push_back(i);
       }
@@ -955,7 +990,7 @@ class RobustSearch {
         // Of those that others do not carry the model is none, and it has to do what the task asks.
         if (!complement_.empty()) {
           const double model = Judge(playable[m], plans[m], fine_model_, distances);
-          losses[which[m]] += std::max(0.0, model - kCalm);
+          losses[which[m]] += std::max(0.0, model - Complementing::kCalm);
         }
       }
     });
@@ -982,7 +1017,7 @@ class RobustSearch {
     if (interrupted()) return {};
     Sort(all);
     Tell(true, 0, all.front().loss);
-    if (all.size() > kKept) all.resize(kKept);
+    if (all.size() > Drawing::kKept) all.resize(Drawing::kKept);
     std::vector<std::vector<double>> motions;
     motions.reserve(all.size());
     for (const Candidate& candidate : all) motions.push_back(candidate.x);
@@ -1026,7 +1061,7 @@ class RobustSearch {
                                  const Ensemble& ensemble, int generations) {
     std::vector<Candidate> improved;
     ++stage_;
-    double rival = kHopeless;  // the best of the stage so far
+    double rival = Improving::kHopeless;  // the best of the stage so far
     for (int start = 0; start < count && start < static_cast<int>(from.size()); ++start) {
       if (interrupted()) break;
       improved.push_back(
@@ -1042,12 +1077,12 @@ class RobustSearch {
                        int generations, double rival, std::size_t first = 0) {
     const std::uint64_t seed = problem_.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
     const auto begin = from.x.begin() + static_cast<std::ptrdiff_t>(first);
-    CmaEs search({begin, from.x.end()}, sigma, kPopulation, seed);
+    CmaEs search({begin, from.x.end()}, sigma, Improving::kPopulation, seed);
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
     for (int g = 0; g < generations && !interrupted(); ++g) {
-      if (best.loss < kPerfect) break;
-      if (complement_.empty() && g >= kHopelessAfter &&
-          best.loss > std::min(kHopeless, 3 * rival + 0.1))
+      if (best.loss < Improving::kPerfect) break;
+      if (complement_.empty() && g >= Improving::kHopelessAfter &&
+          best.loss > std::min(Improving::kHopeless, 3 * rival + 0.1))
         break;
       std::vector<std::vector<double>> motions = search.Ask();
       for (std::vector<double>& x : motions) x.insert(x.begin(), from.x.begin(), begin);

@@ -147,13 +147,13 @@ class NearSolve {
       upper_[i] = bounds.max;
     }
     for (std::size_t i = 0; i < rows_.size(); ++i) {
-      if (!rows_[i].of_free_duration) TakeHard(i, rows_[i]);
+      if (!rows_[i].of_free_duration) SetHardRow(i, rows_[i]);
     }
   }
 
   Solution Run(std::span<const double> start) {
     const Eigen::Map<const VectorXd> first(start.data(), n_);
-    TakeHardAt(first);
+    SetHardRowsAt(first);
     Point here = Expand(Inside(first));
     Solution best;
     best.start_cost = here.result.cost;
@@ -178,16 +178,16 @@ class NearSolve {
   }
 
  private:
-  void TakeHard(std::size_t i, const LinearRow& row) {
+  void SetHardRow(std::size_t i, const LinearRow& row) {
     const auto k = static_cast<Eigen::Index>(i);
     hard_.row(k) = Vector(row.a).transpose();
     offset_[k] = row.b;
   }
   /// Where the duration is free, limits are linear near a motion only.
-  void TakeHardAt(const VectorXd& x) {
+  void SetHardRowsAt(const VectorXd& x) {
     if (!problem_.free_duration) return;
     for (std::size_t i = 0; i < rows_.size(); ++i)
-      TakeHard(i, rows_[i].LinearAt({x.data(), Index(n_)}));
+      SetHardRow(i, rows_[i].LinearAt({x.data(), Index(n_)}));
   }
 
   /// Leads a motion whose solve ended on the way, a little beyond its constraints, back to where it
@@ -195,7 +195,7 @@ class NearSolve {
   void Restore(Point& here) {
     for (int i = 0; i < kMostOnTheWayBack && evaluations_ < max_evaluations_; ++i) {
       if (!here.result.finite || here.c.size() == 0 || here.c.maxCoeff() <= kNoViolation) return;
-      TakeHardAt(here.x);
+      SetHardRowsAt(here.x);
       QuadraticProgram nearest = Program(here, MatrixXd::Identity(n_, n_), kFirstRadius);
       nearest.g = VectorXd::Zero(n_);
       // Constraints bend, so a step that aims at their edge ends a little beyond it again.
@@ -295,7 +295,7 @@ class NearSolve {
       } else if (now.evaluations - last.evaluations > (coarse() ? kPatienceOnTheWay : kPatience)) {
         return SolveEnd::kStalled;
       }
-      TakeHardAt(here.x);
+      SetHardRowsAt(here.x);
       const MatrixXd B = Convex(here.model.matrix + secants_.matrix());
       const QuadraticSolution step = FindStep(here, B, radius_);
       const double promised = Promised(here, B, step.p);
