@@ -300,15 +300,21 @@ class CallGraph {
       for (const auto& match :
            MatchesOf("edge: \\{ sourcename: \"([^\"]+)\" targetname: \"([^\"]+)\"", text)) {
         calls_[match[1]].insert(match[2]);
+        // Whoever knows no sensor may call the estimate of the pitch, which calls the sensor.
+        if (match[2] == "__indirect_call" && match[1].find("SensorWatch") == std::string::npos)
+          calls_[match[1]].insert(kPitchCall);
       }
     }
-    // The only indirect calls in the core are those of a drive and of the sensor.
+    // The only indirect calls in the core are those of a drive, of the pitch and of the sensor.
+    const std::string pitch = "^(.*:)?_ZN7tumbler11SensorWatch(4Take|7EndTick|5Trust)E";
     const std::string method =
         "^(.*:)?_ZNK?7tumbler([0-9]+[A-Za-z0-9_]+Drive(INS_[A-Za-z0-9_]+E)?"
         "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)|8XsensMti6Decode)E";
     for (const auto& [name, bytes] : frames_) {
       if (!MatchesOf(method, name).empty()) calls_["__indirect_call"].insert(name);
+      if (!MatchesOf(pitch, name).empty()) calls_[kPitchCall].insert(name);
     }
+    if (calls_[kPitchCall].size() < 3) throw std::runtime_error("the pitch's methods are missing");
   }
 
   /// The deepest stack [bytes] of a function and those that it calls.
@@ -318,7 +324,7 @@ class CallGraph {
     int below = 0;
     for (const std::string& callee : calls_[function]) below = std::max(below, DepthOf(callee));
     open_.erase(function);
-    if (function == "__indirect_call") return below;
+    if (function == "__indirect_call" || function == kPitchCall) return below;
     const auto frame = frames_.find(function);
     return below + (frame == frames_.end() ? kLibraryFrame : frame->second);
   }
@@ -326,6 +332,7 @@ class CallGraph {
   [[nodiscard]] std::size_t methods() { return calls_["__indirect_call"].size(); }
 
  private:
+  static constexpr const char* kPitchCall = "__pitch_call";
   /// Assumed for functions of libraries: memcpy, memcmp, conversions of 64 bits.
   static constexpr int kLibraryFrame = 96;
   std::map<std::string, int> frames_;
