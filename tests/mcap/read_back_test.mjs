@@ -140,7 +140,7 @@ test("A gait has the topics and types that the page about them lists", () => {
 test("The commands of the page work", () => {
   fs.mkdirSync(at("page"));
   fs.symlinkSync(source("primitives"), at("page/primitives"));
-  const commands = fs.readFileSync(source("docs/foxglove.md"), "utf8").match(/^ {4}tumbler-.*$/gm);
+  const commands = fs.readFileSync(source("docs/foxglove.md"), "utf8").match(/^ {4}tumbler .*$/gm);
   assert.equal(commands.length, 3);
   const done = spawnSync("sh", ["-ec", commands.join("\n")],
     { encoding: "utf8", cwd: at("page"), env: { ...process.env, PATH: `${programs}:${process.env.PATH}` } });

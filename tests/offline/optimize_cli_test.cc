@@ -687,13 +687,13 @@ TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
 TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhenItsTerminalGoes) {
   const TaskFolder folder(EndlessLocalSolves());
   const std::string out = folder / "motion.toml", task = folder.task_file();
-  const std::string program = testing::ProgramPath("tumbler optimize");
+  const std::string program = testing::ProgramPath("tumbler");
   int terminal = -1;
   const pid_t child = forkpty(&terminal, nullptr, nullptr, nullptr);
   ASSERT_GE(child, 0);
   if (child == 0) {
-    execl(program.c_str(), program.c_str(), task.c_str(), "--out", out.c_str(), "--keep-best",
-          nullptr);
+    execl(program.c_str(), program.c_str(), "optimize", task.c_str(), "--out", out.c_str(),
+          "--keep-best", nullptr);
     _exit(127);
   }
   std::string text;

@@ -352,7 +352,8 @@ TEST_F(TumblerCtl, AFileThatTakesNothingKeepsNeitherTelemetryNorRequestsNorTheEn
 /// A program on a terminal of its own.
 class OnTerminal {
  public:
-  explicit OnTerminal(std::vector<std::string> arguments) {
+  explicit OnTerminal(const std::vector<std::string>& given) {
+    std::vector<std::string> arguments = testing::WithCommandApart(given);
     pid_ = forkpty(&terminal_, nullptr, nullptr, nullptr);
     if (pid_ != 0) return;
     std::vector<char*> pointers;

@@ -13,19 +13,19 @@
 
 namespace tumbler::testing {
 
-namespace {
-
-/// With the command of `.../bin/tumbler run` as an argument of its own.
-std::vector<std::string> WithCommandApart(std::vector<std::string> arguments) {
+std::vector<std::string> WithCommandApart(const std::vector<std::string>& given) {
   const std::string program = ProgramPath("tumbler ");
-  if (arguments[0].starts_with(program)) {
-    arguments.insert(arguments.begin() + 1, arguments[0].substr(program.size()));
-    arguments[0] = ProgramPath("tumbler");
+  std::vector<std::string> arguments;
+  for (const std::string& argument : given) {
+    if (argument.starts_with(program) && argument.find(' ', program.size()) == std::string::npos) {
+      arguments.push_back(ProgramPath("tumbler"));
+      arguments.push_back(argument.substr(program.size()));
+    } else {
+      arguments.push_back(argument);
+    }
   }
   return arguments;
 }
-
-}  // namespace
 
 Program::Program(const std::vector<std::string>& given) {
   const std::vector<std::string> arguments = WithCommandApart(given);

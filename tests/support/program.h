@@ -44,6 +44,10 @@ struct Outcome {
   std::string text;    ///< Standard output and error.
 };
 
+/// The same with the command of `.../bin/tumbler run` as an argument of its own; others, such as
+/// /usr/bin/env, may come before it.
+std::vector<std::string> WithCommandApart(const std::vector<std::string>& given);
+
 /// Runs a program of the build under test to its end.
 /// @param arguments  the program's name first, such as `tumbler run`.
 Outcome RunProgram(std::vector<std::string> arguments);
