@@ -45,10 +45,13 @@ if(TUMBLER_GZIP AND NOT TUMBLER_SANITIZE AND NOT TUMBLER_BUILD_FUZZERS)
   endforeach()
   add_custom_command(OUTPUT ${share}/completions/tumbler
     COMMAND $<TARGET_FILE:tumbler> --bash-completion > ${share}/completions/tumbler DEPENDS tumbler)
+  set(manual_pages ${pages})
   list(APPEND pages ${share}/completions/tumbler)
   add_custom_target(tumbler_pages ALL DEPENDS ${pages})
-  install(DIRECTORY ${share}/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT programs)
-  install(DIRECTORY ${share}/completions DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion COMPONENT programs)
+  # Each by its name: the folders of a build that is older than a program's name have more.
+  install(FILES ${manual_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT programs)
+  install(FILES ${share}/completions/tumbler DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+          COMPONENT programs)
 endif()
 
 # Packages for Debian: `scripts/package` makes them, of this target. Tests are no part of it.

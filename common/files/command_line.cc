@@ -80,6 +80,14 @@ OptionDescription DescribeOption(const CLI::Option& option) {
   return description;
 }
 
+/// What is typed before a command: `tumbler bench BUS `, with what the program takes.
+std::string BeforeCommand(const CommandDescription& program) {
+  std::string before = program.name + " ";
+  for (const OptionDescription& option : program.options)
+    if (option.positional) before += option.names.front() + " ";
+  return before;
+}
+
 CommandDescription DescribeApp(const CLI::App& app, const std::string& before) {
   CommandDescription description;
   description.name = before + app.get_name();
@@ -89,7 +97,7 @@ CommandDescription DescribeApp(const CLI::App& app, const std::string& before) {
   for (const CLI::Option* const option : app.get_options())
     description.options.push_back(DescribeOption(*option));
   for (const CLI::App* const sub : app.get_subcommands([](const CLI::App*) { return true; }))
-    description.subcommands.push_back(DescribeApp(*sub, description.name + " "));
+    description.subcommands.push_back(DescribeApp(*sub, BeforeCommand(description)));
   return description;
 }
 
@@ -252,7 +260,7 @@ void CommandLine::Parse(int argc, char** argv) {
   } catch (const CLI::CallForHelp&) {
     const std::vector<CLI::App*> subs = app_->get_subcommands();
     throw HelpWanted(
-        HelpText(subs.empty() ? Describe() : DescribeApp(*subs.front(), app_->get_name() + " "),
+        HelpText(subs.empty() ? Describe() : DescribeApp(*subs.front(), BeforeCommand(Describe())),
                  WidthOfHelp()));
   } catch (const CLI::CallForVersion& version) {
     throw HelpWanted(version.what() + std::string("\n"));

@@ -238,7 +238,10 @@ std::string HelpText(const CommandDescription& command, std::size_t width) {
     for (const CommandDescription& sub : command.subcommands)
       text +=
           Entry(sub.name.substr(sub.name.rfind(' ') + 1), FirstSentence(sub.description), width);
-    text += fmt::format("\n`{} COMMAND --help` tells more of each.\n", command.name);
+    // With what comes before a command.
+    const std::string& first = command.subcommands.front().name;
+    text += fmt::format("\n`{} COMMAND --help` tells more of each.\n",
+                        first.substr(0, first.rfind(' ')));
   }
   if (!command.footer.empty()) text += '\n' + Paragraphs(command.footer, width);
   return text;

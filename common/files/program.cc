@@ -73,7 +73,8 @@ std::size_t WidthOfHelp() {
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv)) {
   // For lists of processes: the file is only called `run`. The kernel keeps 15 characters.
-  prctl(PR_SET_NAME, speaker.c_str());
+  const bool by_tumbler = argc > 0 && std::string_view(argv[0]).starts_with("tumbler ");
+  prctl(PR_SET_NAME, by_tumbler ? argv[0] : speaker.c_str());
   // A file that grows beyond a limit is an error like a full disk, and no reason to leave a part of
   // it behind.
   std::signal(SIGXFSZ, SIG_IGN);

@@ -39,8 +39,8 @@ std::size_t WidthOfHelp();
 /// The body of every `main`: runs a program, and turns what it throws into a message and an exit
 /// status. Refused becomes kRefused; UsageError and any other exception become kUnusable, and so
 /// does an output that could not be written whole to standard output, e.g. since a disk is full.
-/// @param speaker  the beginning of messages on standard error, and the name in lists of processes:
-///                 that of the command, such as `tumbler run`.
+/// @param speaker  the beginning of messages on standard error, such as `tumbler run`, and the name
+///                 in lists of processes where `tumbler` has not given one.
 /// @param run      the program, called with the arguments of `main`.
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv));

@@ -182,6 +182,14 @@ std::vector<std::string_view> Meant(std::string_view word) {
 }
 
 [[noreturn]] void FailUnknown(const std::string& word) {
+  // What had a name of its own once.
+  if (word == "report") {
+    throw UsageError(
+        "tumbler: 'report' is no command any more; its page is that of `tumbler view "
+        "--out`");
+  }
+  if (word == "log")
+    throw UsageError("tumbler: 'log' is no command any more; `tumbler record` reads logs, too");
   const std::vector<std::string_view> meant = Meant(word);
   throw UsageError(fmt::format("tumbler: '{}' is no command{}", word,
                                meant.empty()

@@ -126,18 +126,21 @@ ExitStatus Main(int argc, char** argv) {
       .Needs(url);
   line.Option("--robot", arguments.robot, "the robot's name, where several publish there")
       .Needs(url);
-  line.Option(
-          "--bind", arguments.bind,
-          "address to listen at; any other than a loopback lets other machines see and stop the "
-          "run, if they know the page's address")
-      .ShowDefault();
-  line.Option("--port", arguments.port, "port to listen at; 0: any that is free")
-      .Within(0, 65535)
-      .ShowDefault();
+  auto bind =
+      line.Option(
+              "--bind", arguments.bind,
+              "address to listen at; any other than a loopback lets other machines see and stop "
+              "the run, if they know the page's address")
+          .ShowDefault();
+  auto port = line.Option("--port", arguments.port, "port to listen at; 0: any that is free")
+                  .Within(0, 65535)
+                  .ShowDefault();
   auto out = line.Option("--out", report.out,
                          "write the page of the records to this file, *.html, or into this folder "
                          "as index.html")
-                 .Excludes(url);
+                 .Excludes(url)
+                 .Excludes(bind)
+                 .Excludes(port);
   line.Option(
           "--truth", report.truths,
           "with --out: LCM log with TUMBLER_TRUTH (`tumbler twin --truth`) of the first record; "

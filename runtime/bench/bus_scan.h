@@ -41,7 +41,8 @@ struct ScanConfig {
 ///   nothing is asked when setpoints are heard. Those that answer are asked for a register of
 ///   Damiao's, whose replies have but the low bits of the identifier. Identifiers that belong to a
 ///   node that was found are left out, because the frame would be another command there;
-/// - every other protocol of drives/protocols.h: the host's order for torque off; of AK V3, that is
+/// - every other protocol of devices/protocols.h: the host's order for torque off; of AK V3, that
+/// is
 ///   a setpoint without gains and torque. AK V3 drives are heard before, unless they are not set to
 ///   report by themselves, as they have to be.
 ///

@@ -26,7 +26,7 @@ struct FlightJoint {
 /// Everything about a flight that does not happen at a time: made from its seed. What
 /// `Flight::left_out` leaves out does not change the rest.
 struct FlightSetting {
-  int protocol = 0;  ///< Its number in drives/protocols.h.
+  int protocol = 0;  ///< Its number in devices/protocols.h.
   DrivesConfig drives;
   ExecutorConfig executor;
   SequenceGraph<float> graph;

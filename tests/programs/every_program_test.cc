@@ -150,6 +150,30 @@ TEST(Tumbler, ShowsTheHelpOfACommandInThreeWays) {
   EXPECT_EQ(RunProgram({"tumbler", "run", "-h"}).text, help);
 }
 
+TEST(Tumbler, SaysWhereCommandsAreThatHadANameOfTheirOwn) {
+  for (const auto& [word, now] : std::vector<std::pair<std::string, std::string>>{
+           {"report", "`tumbler view --out`"}, {"log", "`tumbler record`"}}) {
+    const Outcome outcome = RunProgram({"tumbler", word});
+    EXPECT_EQ(outcome.exit_code, 1) << word;
+    EXPECT_THAT(outcome.text, HasSubstr(now));
+  }
+}
+
+TEST(Tumbler, APageThatIsWrittenHasNoAddress) {
+  for (const std::string option : {"--port=1", "--bind=::1"}) {
+    const Outcome outcome = RunProgram({"tumbler", "view", "run.rec", "--out", "page", option});
+    EXPECT_EQ(outcome.exit_code, 1) << option;
+    EXPECT_THAT(outcome.text, HasSubstr("excludes --out"));
+  }
+}
+
+TEST(Tumbler, TheUsageOfACommandsCommandHasWhatComesBeforeIt) {
+  EXPECT_THAT(RunProgram({"tumbler", "bench", "--help"}).text,
+              HasSubstr("`tumbler bench BUS COMMAND --help`"));
+  EXPECT_THAT(RunProgram({"tumbler", "bench", "sim", "scan", "--help"}).text,
+              HasSubstr("Usage: tumbler bench BUS scan"));
+}
+
 TEST(Tumbler, ProposesTheCommandThatMayHaveBeenMeantAndEndsWithStatus1) {
   for (const auto& [word, meant] :
        std::vector<std::pair<std::string, std::string>>{{"optimise", "optimize"},

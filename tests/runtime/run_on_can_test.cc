@@ -535,7 +535,7 @@ TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) 
         const std::unique_ptr<Program> second = start(order.second);
         EXPECT_EQ(second->Wait(), 2) << second->text();
         EXPECT_THAT(second->text(),
-                    HasSubstr("(tumbler-" + order.first + ") drives the motors on " + can.name()));
+                    HasSubstr("(tumbler " + order.first + ") drives the motors on " + can.name()));
       }
       EXPECT_EQ(first->Wait(), 0) << first->text();
       if (order.first == "run") {

@@ -15,7 +15,7 @@ struct ExampleDrives {
   std::string file;      ///< Relative to the project's folder.
 };
 
-/// The example of every protocol that is listed in drives/protocols.h.
+/// The example of every protocol that is listed in devices/protocols.h.
 inline std::vector<ExampleDrives> ExampleOfEveryProtocol() {
   std::vector<ExampleDrives> examples;
   DriveProtocols::ForEach([&examples](auto protocol) {

@@ -101,7 +101,7 @@ struct TestedProtocol {
   std::string drives;  ///< Its example drives file, relative to the project's folder.
   const ProtocolSide* side = nullptr;
 };
-/// Every protocol that is listed in drives/protocols.h.
+/// Every protocol that is listed in devices/protocols.h.
 const std::vector<TestedProtocol>& EveryProtocol();
 void PrintTo(const TestedProtocol& protocol, std::ostream* out);
 
