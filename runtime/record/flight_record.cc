@@ -193,8 +193,10 @@ std::vector<std::string> FlightRecord::Remarks() const {
   }
   if (end_) {
     remarks.push_back(fmt::format("complete: {}", end_->outcome));
-  } else {
+  } else if (damages_.empty()) {
     remarks.emplace_back("the recording was interrupted: it has no end block");
+  } else {
+    remarks.emplace_back("it has no end block that is whole and fits what is before it");
   }
   return remarks;
 }
