@@ -455,14 +455,12 @@ void Executor::Advance(const TickRecord& record) noexcept {
       break;
     }
     case Phase::kMovingToStart:
-      if (ticks_in_phase_ >= move_.ticks && reached()) Enter(Phase::kHolding);
-      break;
     case Phase::kGettingUp:
       if (ticks_in_phase_ < move_.ticks || !reached()) break;
-      if (sequencer_.finishes()) {
-        Enter(Phase::kHolding);
-      } else {
+      if (phase_ == Phase::kGettingUp && !sequencer_.finishes()) {
         BeginAnew();
+      } else {
+        Enter(Phase::kHolding);
       }
       break;
     case Phase::kRunning:

@@ -35,6 +35,7 @@ class SaidPitch final : public PitchEstimate {
     age_ticks_ = 0;
   }
   void Age() { ++age_ticks_; }
+  void Listen(const std::array<std::uint32_t, 3>& ids) { ids_ = ids; }
   void Doubt(bool doubtful) { is_doubtful_ = doubtful; }
 };
 
@@ -89,6 +90,16 @@ class FeedbackControllerTest : public ::testing::Test {
   std::array<Joint, kJoints> joints;
   TickRecord record;
 };
+
+TEST_F(FeedbackControllerTest, APitchListensToFramesWithEachOfItsIdentifiersAndToNoOthers) {
+  SaidPitch said;
+  said.Listen({0x101, 0x102, 0x103});
+  CanFrame frame{};
+  for (std::uint32_t id = 0xff; id <= 0x105; ++id) {
+    frame.id = id;
+    EXPECT_EQ(said.Owns(frame), id >= 0x101 && id <= 0x103) << id;
+  }
+}
 
 TEST_F(FeedbackControllerTest, FadesInWhileTheErrorIsKnownAndCorrectsByTheGain) {
   pitch.Say(0.1F, 0);
