@@ -21,7 +21,7 @@ namespace {
 constexpr double kStartPitchOnBar = 0.5;
 
 /// The root's pitch among all degrees of freedom.
-constexpr std::size_t kPitchDof = 2;
+constexpr std::size_t kPitchOfRoot = 2;
 
 class StartReader {
  public:
@@ -81,13 +81,13 @@ class StartReader {
       CheckGivenBar(start);
       problem_.start_q[0] = pose.root_x_m;
       problem_.start_q[1] = pose.root_z_m;
-      problem_.start_q[kPitchDof] = pose.root_pitch_rad;
+      problem_.start_q[kPitchOfRoot] = pose.root_pitch_rad;
       problem_.start_root_rates = {pose.root_x_m_s, pose.root_z_m_s, pose.root_pitch_rad_s};
       return;
     }
     problem_.start_q[0] = root.x_m;
     problem_.start_q[1] = root.z_m.value_or(0);
-    problem_.start_q[kPitchDof] = root.pitch_rad;
+    problem_.start_q[kPitchOfRoot] = root.pitch_rad;
     if (scene_.robot.hinged()) {
       HangAtRest(start);
       CheckNotBuried(start, "z_m", fmt::format("is {}: ", MessageNumber(scene_.bar.y())), "");
@@ -135,15 +135,15 @@ class StartReader {
 
   /// Puts a robot on its bar at rest: with its centre of mass straight below or above the bar.
   void HangAtRest(TomlTable& start) {
-    const double asked = problem_.start_q[kPitchDof];
-    problem_.start_q[kPitchDof] = RestingPitch(scene_, problem_.start_q);
-    const double apart = std::abs(problem_.start_q[kPitchDof] - asked);
+    const double asked = problem_.start_q[kPitchOfRoot];
+    problem_.start_q[kPitchOfRoot] = RestingPitch(scene_, problem_.start_q);
+    const double apart = std::abs(problem_.start_q[kPitchOfRoot] - asked);
     if (apart <= kStartPitchOnBar) return;
     start.Fail("pitch_rad",
                fmt::format("is {} rad, where the robot does not stay: with these "
                            "joints it is at rest at {:.4g} rad, and half turns from "
                            "there; allowed: <= {} rad from one of these",
-                           MessageNumber(asked), problem_.start_q[kPitchDof], kStartPitchOnBar));
+                           MessageNumber(asked), problem_.start_q[kPitchOfRoot], kStartPitchOnBar));
   }
 
   /// Checks that the given pose hangs from the task's bar.

@@ -90,8 +90,8 @@ TEST_F(SequencerTest, AWantedBranchThatIsThePlansLeavesThePlansToBeTaken) {
 
 TEST_F(SequencerTest, AnotherBranchIsNotTakenForTheWantedOne) {
   SequenceGraph<float> graph = Rounds();
-  graph.edge_storage[graph.edge_count++] = {kUp, kDown, 0, EdgeCondition::kBranch,
-                                            FixedString<32>("other")};
+  graph.edge_storage[static_cast<std::size_t>(graph.edge_count++)] = {
+      kUp, kDown, 0, EdgeCondition::kBranch, FixedString<32>("other")};
   sequencer.Configure(graph, {});
   sequencer.Want(kLeave);
   EXPECT_EQ(sequencer.Follow(graph.edge_count - 1), kDown);
