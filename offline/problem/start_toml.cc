@@ -20,9 +20,6 @@ namespace {
 /// How far from rest the pitch of a robot on a bar may be asked for [rad].
 constexpr double kStartPitchOnBar = 0.5;
 
-/// The root's pitch among all degrees of freedom.
-constexpr std::size_t kPitchOfRoot = 2;
-
 class StartReader {
  public:
   StartReader(TomlTable& root, const std::optional<StartPose>& given,

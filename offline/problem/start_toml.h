@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +12,9 @@
 #include "offline/problem/problem.h"
 
 namespace tumbler {
+
+/// The root's pitch among all degrees of freedom.
+inline constexpr std::size_t kPitchOfRoot = 2;
 
 /// A start pose that does not come from the task.
 struct StartPose {

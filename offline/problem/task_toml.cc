@@ -40,9 +40,6 @@ constexpr std::size_t kMostPairs = 1000;
 /// and the certificate differentiates once more with steps of half the length: 1 GB in all.
 constexpr double kMostSteps = 1e5;
 
-/// The root's pitch among all degrees of freedom.
-constexpr std::size_t kPitch = 2;
-
 /// What is left of a motion of free duration after the last time at which its cost looks, at least.
 constexpr double kLeastStretched_s = 0.01;
 
@@ -444,7 +441,7 @@ class TaskReader {
       root_.Fail("bar", "holds nothing here; allowed: with root = \"hinge-y\", or leave it out");
     TaskBar bar;
     ReadKeys(*table, kTaskBarKeys, bar);
-    scene_.robot.tree.dofs[kPitch].damping_nm_s_per_rad = bar.friction_nm_s_per_rad;
+    scene_.robot.tree.dofs[kPitchOfRoot].damping_nm_s_per_rad = bar.friction_nm_s_per_rad;
   }
 
   void ReadSelfContacts() {

@@ -14,6 +14,7 @@
 #include "common/files/toml_reader.h"
 #include "offline/model/least_squares.h"
 #include "offline/problem/link_chains.h"
+#include "offline/problem/start_toml.h"
 #include "offline/solve/rollout.h"
 
 namespace tumbler {
@@ -326,8 +327,7 @@ void TakeComplement(Task& task, const PrimitiveFile& file, const std::string& fi
                                 file.drives->kp_nm_per_rad, file.drives->kd_nm_s_per_rad,
                                 through.kp, through.kd));
   }
-  constexpr std::size_t kPitchDof = 2;
-  const double pitch_rad = problem.start_q[kPitchDof];
+  const double pitch_rad = problem.start_q[kPitchOfRoot];
   if (std::abs(file.entry.root_pitch_rad - pitch_rad) > kStartPitchTolerance) {
     throw FileError(
         file_name, 0, "entry.root_pitch_rad",
