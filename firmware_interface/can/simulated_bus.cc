@@ -77,7 +77,7 @@ Status SimulatedPort::SendAfter(std::int64_t delay_ns, const CanFrame& frame) no
     ++statistics_.rejected_transmit;
     return Status::kWouldBlock;
   }
-  transmit_.Push({frame, bus_.now_ns() + delay_ns});
+  transmit_.Push({frame, bus_.now_ns() + delay_ns, FrameBits(frame)});
   statistics_.max_transmit_depth = std::max(statistics_.max_transmit_depth, transmit_.count);
   return Status::kOk;
 }
@@ -119,7 +119,7 @@ void SimulatedPort::SetLink(Status status) noexcept {
   bus_off_ = false;
 }
 
-std::int64_t SimulatedPort::ReadyAt() noexcept {
+std::int64_t SimulatedPort::ReadyAt() const noexcept {
   return std::max(transmit_.front().time_ns, suspended_until_ns_);
 }
 
@@ -314,8 +314,8 @@ void SimulatedBus::BeginRecovery() noexcept {
 void SimulatedBus::TryAlone() noexcept {
   for (const auto& port : ports_) {
     if (!port->disconnected_ || !port->Wants() || port->ReadyAt() > now_ns_) continue;
-    const int bits = FrameBits(port->transmit_.front().frame) - kIntermissionBits -
-                     kBitsAfterAckSlot + kErrorFlagBits + kErrorDelimiterBits + kIntermissionBits;
+    const int bits = port->transmit_.front().bits - kIntermissionBits - kBitsAfterAckSlot +
+                     kErrorFlagBits + kErrorDelimiterBits + kIntermissionBits;
     ++statistics_.unacknowledged;
     port->suspended_until_ns_ = now_ns_ + bits * bit_time_ns_;
     port->head_on_wire_ = true;
@@ -337,6 +337,34 @@ std::int64_t SimulatedBus::NextEvent() noexcept {
       const std::int64_t left = port->recessive_left_;
       next = std::min(next, idle_since_ns_ + left * kRecessiveBits * bit_time_ns_);
     }
+  }
+  return next;
+}
+
+bool SimulatedBus::SomebodyHeeds(const CanFrame& frame) const noexcept {
+  return std::ranges::any_of(ports_, [&frame](const auto& port) {
+    return port->node_ != nullptr && port->node_->Heeds(frame);
+  });
+}
+
+std::int64_t SimulatedBus::NextDelivery() const noexcept {
+  std::int64_t next = next_window_ns_;
+  std::int64_t free_ns = now_ns_;
+  if (phase_ == Phase::kFrame) {
+    if (SomebodyHeeds(wire_)) return std::min(next, phase_end_ns_);
+    free_ns = busy_until_ns_;
+  } else if (phase_ == Phase::kRecovery) {
+    free_ns = phase_end_ns_;
+  }
+  for (const auto& port : ports_) {
+    for (const SimulatedPort::Held& held : port->held_) next = std::min(next, held.due_ns);
+    if (!port->Wants()) continue;
+    const SimulatedPort::Entry& entry = port->transmit_.front();
+    const bool heeded = SomebodyHeeds(entry.frame);
+    if (!heeded && port->transmit_.count == 1) continue;
+    // Where nobody heeds it, the next one may begin after it.
+    const int bits = heeded ? entry.bits - kIntermissionBits : entry.bits;
+    next = std::min(next, std::max(free_ns, port->ReadyAt()) + bits * bit_time_ns_);
   }
   return next;
 }
@@ -387,11 +415,13 @@ void SimulatedBus::Start() noexcept {
       smallest = std::min(smallest, ArbitrationKey(port->transmit_.front().frame));
   }
   bool first = true;
+  int wire_bits = 0;
   int collision_bits = 0;
   for (const auto& port : ports_) {
     port->sending_ = false;
     if (!contends(port)) continue;
-    const CanFrame& frame = port->transmit_.front().frame;
+    const SimulatedPort::Entry& entry = port->transmit_.front();
+    const CanFrame& frame = entry.frame;
     if (ArbitrationKey(frame) != smallest) {
       port->LoseArbitration();
       continue;
@@ -400,6 +430,7 @@ void SimulatedBus::Start() noexcept {
     port->head_on_wire_ = true;
     if (first) {
       wire_ = frame;
+      wire_bits = entry.bits;
       first = false;
     } else if (!SameOnWire(wire_, frame)) {
       const int difference = FirstDifference(wire_, frame);
@@ -414,8 +445,7 @@ void SimulatedBus::Start() noexcept {
     ++statistics_.collisions;
     return Break(collision_bits, false);
   }
-  const int bits = FrameBits(wire_);
-  const int frame_bits = bits - kIntermissionBits;
+  const int frame_bits = wire_bits - kIntermissionBits;
   const int disturbed = DisturbedBit(frame_bits);
   last_bit_disturbed_ = disturbed == frame_bits;
   if (disturbed > 0 && !last_bit_disturbed_) {
@@ -430,7 +460,7 @@ void SimulatedBus::Start() noexcept {
     ++statistics_.unacknowledged;
     return Break(frame_bits - kBitsAfterAckSlot, true);
   }
-  Occupy(Phase::kFrame, frame_bits, bits);
+  Occupy(Phase::kFrame, frame_bits, wire_bits);
 }
 
 // The number, from 1, of the first disturbed bit of a frame; 0 if there is none.

@@ -25,6 +25,8 @@ class SimulatedNode {
   /// Called at the end of each frame that another node sent, before the bus is free again. An
   /// answer that is sent here takes part in the very next arbitration.
   virtual void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept = 0;
+  /// Whether OnFrame may do anything with such a frame.
+  [[nodiscard]] virtual bool Heeds(const CanFrame& /*frame*/) const noexcept { return true; }
 };
 
 /// Properties of one controller on the simulated bus.
@@ -97,6 +99,7 @@ class SimulatedPort final : public CanBus {
   struct Entry {
     CanFrame frame;
     std::int64_t time_ns = 0;  // to transmit: ready from then on; received: end of the frame
+    int bits = 0;              // to transmit: length on the wire
   };
   struct Queue {
     std::vector<Entry> entries;  // sized once, in the constructor
@@ -104,6 +107,9 @@ class SimulatedPort final : public CanBus {
     int count = 0;
     [[nodiscard]] bool full() const noexcept { return count == static_cast<int>(entries.size()); }
     [[nodiscard]] Entry& front() noexcept { return entries[static_cast<std::size_t>(first)]; }
+    [[nodiscard]] const Entry& front() const noexcept {
+      return entries[static_cast<std::size_t>(first)];
+    }
     void Push(const Entry& entry) noexcept;
     void Pop() noexcept;
   };
@@ -124,7 +130,7 @@ class SimulatedPort final : public CanBus {
     return transmit_.count > 0 && link_ == Status::kOk && !bus_off_ && !stalled_;
   }
   /// When the oldest frame may be sent. @pre Wants().
-  [[nodiscard]] std::int64_t ReadyAt() noexcept;
+  [[nodiscard]] std::int64_t ReadyAt() const noexcept;
 
   /// A received frame on its way through an adapter.
   struct Held {
@@ -226,6 +232,10 @@ class SimulatedBus {
   void AdvanceTo(std::int64_t time_ns) noexcept;
 
   [[nodiscard]] std::int64_t now_ns() const noexcept { return now_ns_; }
+  /// A time before which no node gets a frame that it heeds unless something is sent until then:
+  /// the end of the frame that is on the wire or could be next. The largest number where there is
+  /// none.
+  [[nodiscard]] std::int64_t NextDelivery() const noexcept;
   [[nodiscard]] std::int64_t bit_time_ns() const noexcept { return bit_time_ns_; }
   [[nodiscard]] const SimulatedBusStatistics& statistics() const noexcept { return statistics_; }
   /// Share of all time so far in which the bus was not idle, 0 ... 1.
@@ -253,6 +263,7 @@ class SimulatedBus {
   void TryAlone() noexcept;
   void BeginRecovery() noexcept;
   [[nodiscard]] std::int64_t NextEvent() noexcept;
+  [[nodiscard]] bool SomebodyHeeds(const CanFrame& frame) const noexcept;
   [[nodiscard]] int DisturbedBit(int bits) noexcept;
   [[nodiscard]] double Random() noexcept;  // 0 <= x < 1
   void Occupy(Phase phase, int bits, int bits_until_free) noexcept;

@@ -55,7 +55,7 @@ CanFrame SimulatedAkV3Drive::Report() const noexcept {
   const AkV3Config& akv3 = config_.akv3;
   AkV3Status status;
   status.position = Steps(Measured(0) * kDegrees / 0.1, 32000);
-  const double motor_rad_s = shaft_velocity_rad_s() * static_cast<double>(akv3.gear_inside);
+  const double motor_rad_s = shaft().velocity_rad_s * static_cast<double>(akv3.gear_inside);
   status.speed = Steps(motor_rad_s * 60 / kTwoPi * akv3.pole_pairs / 10, 32000);
   if (akv3.torque_constant_nm_per_a > 0) {
     status.current =
@@ -66,13 +66,16 @@ CanFrame SimulatedAkV3Drive::Report() const noexcept {
   return EncodeAkV3Status(akv3, status);
 }
 
-double SimulatedAkV3Drive::Law(std::int64_t time_ns) noexcept {
+void SimulatedAkV3Drive::Act(std::int64_t time_ns) noexcept {
   CheckWatchdog(time_ns);
   if (time_ns >= due_ns_) {
     while (due_ns_ <= time_ns) due_ns_ += period_ns_;
     Say(Report());
   }
-  return enabled() ? law_.Torque(Measured(0), shaft_velocity_rad_s()) : 0;
+}
+
+double SimulatedAkV3Drive::Law(std::int64_t /*time_ns*/, const Shaft& shaft) const noexcept {
+  return enabled() ? law_.Torque(shaft.Measured(0), shaft.velocity_rad_s) : 0;
 }
 
 void SimulatedAkV3Drive::OnFrame(const ReceivedFrame& received, SimulatedPort& /*port*/) noexcept {

@@ -32,9 +32,14 @@ class SimulatedAkV3Drive final : public SimulatedDrive {
   explicit SimulatedAkV3Drive(const SimulatedAkV3Config& config);
 
   void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept override;
+  [[nodiscard]] bool Heeds(const CanFrame& frame) const noexcept override {
+    ImpedanceCommand command;
+    return DecodeAkV3Command(config_.akv3, frame, command) == Status::kOk;
+  }
 
   /// Whether the last setpoint asks for any torque.
   [[nodiscard]] bool enabled() const noexcept override;
+  [[nodiscard]] std::int64_t next_act_ns() const noexcept override { return due_ns_; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
   [[nodiscard]] bool limp() const noexcept override { return law_.expired(); }
   [[nodiscard]] bool softened() const noexcept override { return enabled() && law_.softened(); }
@@ -48,7 +53,8 @@ class SimulatedAkV3Drive final : public SimulatedDrive {
 
  private:
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override;
-  double Law(std::int64_t time_ns) noexcept override;
+  void Act(std::int64_t time_ns) noexcept override;
+  [[nodiscard]] double Law(std::int64_t time_ns, const Shaft& shaft) const noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
   [[nodiscard]] CanFrame Report() const noexcept;
 

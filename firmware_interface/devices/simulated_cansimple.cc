@@ -89,24 +89,35 @@ CanFrame SimulatedCanSimpleDrive::Message(CanSimpleCommand command) const noexce
     default:
       return EncodeCanSimple(
           node, CanSimpleEstimates{static_cast<float>(Measured(0) / kTwoPi),
-                                   static_cast<float>(shaft_velocity_rad_s() / kTwoPi)});
+                                   static_cast<float>(shaft().velocity_rad_s / kTwoPi)});
   }
 }
 
-double SimulatedCanSimpleDrive::Law(std::int64_t time_ns) noexcept {
+std::int64_t SimulatedCanSimpleDrive::next_act_ns() const noexcept {
+  std::int64_t next = kNever;
+  for (const Cyclic& cyclic : cyclic_) {
+    if (cyclic.period_ns != 0) next = std::min(next, cyclic.due_ns);
+  }
+  return next;
+}
+
+void SimulatedCanSimpleDrive::Act(std::int64_t time_ns) noexcept {
   CheckWatchdog(time_ns);
   for (Cyclic& cyclic : cyclic_) {
     if (cyclic.period_ns == 0 || time_ns < cyclic.due_ns) continue;
     while (cyclic.due_ns <= time_ns) cyclic.due_ns += cyclic.period_ns;
     Say(Message(cyclic.command));
   }
+}
+
+double SimulatedCanSimpleDrive::Law(std::int64_t /*time_ns*/, const Shaft& shaft) const noexcept {
   if (!closed_loop_) return 0;
   double velocity = static_cast<double>(input_.velocity_rev_s) * kTwoPi;
   if (mode_.control == kCanSimplePositionControl) {
     velocity += config_.position_gain_per_s *
-                (static_cast<double>(input_.position_rev) * kTwoPi - Measured(0));
+                (static_cast<double>(input_.position_rev) * kTwoPi - shaft.Measured(0));
   }
-  return config_.velocity_gain_nm_s_per_rad * (velocity - shaft_velocity_rad_s()) +
+  return config_.velocity_gain_nm_s_per_rad * (velocity - shaft.velocity_rad_s) +
          static_cast<double>(input_.torque_nm);
 }
 

@@ -44,8 +44,12 @@ class SimulatedCanSimpleDrive final : public SimulatedDrive {
   explicit SimulatedCanSimpleDrive(const SimulatedCanSimpleConfig& config);
 
   void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept override;
+  [[nodiscard]] bool Heeds(const CanFrame& frame) const noexcept override {
+    return !frame.extended && frame.id >> 5 == config_.can.node_id;
+  }
 
   [[nodiscard]] bool enabled() const noexcept override { return closed_loop_; }
+  [[nodiscard]] std::int64_t next_act_ns() const noexcept override;
   [[nodiscard]] bool limp() const noexcept override {
     return (error_ & kCanSimpleWatchdogExpired) != 0;
   }
@@ -60,7 +64,8 @@ class SimulatedCanSimpleDrive final : public SimulatedDrive {
 
  private:
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override;
-  double Law(std::int64_t time_ns) noexcept override;
+  void Act(std::int64_t time_ns) noexcept override;
+  [[nodiscard]] double Law(std::int64_t time_ns, const Shaft& shaft) const noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
   void RequestState(std::uint32_t state, std::int64_t time_ns) noexcept;
   [[nodiscard]] CanFrame Message(CanSimpleCommand command) const noexcept;

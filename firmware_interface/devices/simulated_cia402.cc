@@ -147,7 +147,17 @@ void SimulatedCia402Drive::CheckTimeouts() noexcept {
   }
 }
 
-double SimulatedCia402Drive::Law(std::int64_t time_ns) noexcept {
+double SimulatedCia402Drive::TargetAt(std::int64_t time_ns) const noexcept {
+  double period_s = period_value_;
+  for (int i = 0; i < period_exponent_; ++i) period_s *= 10;
+  double parts = 1;
+  for (int i = 0; i > period_exponent_; --i) parts *= 10;
+  period_s /= parts;
+  const double share = std::min(1.0, static_cast<double>(time_ns - sync_ns_) * 1e-9 / period_s);
+  return from_rad_ + share * (to_rad_ - from_rad_);
+}
+
+void SimulatedCia402Drive::Act(std::int64_t time_ns) noexcept {
   now_ns_ = time_ns;
   if (!booted_) {
     booted_ = true;
@@ -158,35 +168,28 @@ double SimulatedCia402Drive::Law(std::int64_t time_ns) noexcept {
     heartbeat_due_ns_ = time_ns + std::int64_t{heartbeat_ms_} * 1'000'000;
     Say(EncodeNodeState(config_.node.node_id, nmt_));
   }
-  double period_s = period_value_;
-  for (int i = 0; i < period_exponent_; ++i) period_s *= 10;
-  double parts = 1;
-  for (int i = 0; i > period_exponent_; --i) parts *= 10;
-  period_s /= parts;
-  const double share = std::min(1.0, static_cast<double>(time_ns - sync_ns_) * 1e-9 / period_s);
-  target_rad_ = from_rad_ + share * (to_rad_ - from_rad_);
+  target_rad_ = TargetAt(time_ns);
   CheckTimeouts();
+  const bool rests = std::abs(shaft().velocity_rad_s) < kRest_rad_s;
+  // With the options 5 ... 7 the drive stays in the quick stop; with the others the torque goes
+  // off.
+  if (state_ == Cia402State::kQuickStop && quick_stop_option_ < 5 && rests)
+    state_ = Cia402State::kSwitchOnDisabled;
+  if (state_ == Cia402State::kFaultReaction && (rests || time_ns >= reaction_end_ns_))
+    state_ = Cia402State::kFault;
+}
 
-  const double velocity = shaft_velocity_rad_s();
+double SimulatedCia402Drive::Law(std::int64_t time_ns, const Shaft& shaft) const noexcept {
+  const double velocity = shaft.velocity_rad_s;
   switch (state_) {
     case Cia402State::kEnabled: {
       const double per_unit = kTwoPi / static_cast<double>(config_.node.velocity_units_per_turn_s);
-      return config_.kp_nm_per_rad * (target_rad_ - Measured(0)) +
+      return config_.kp_nm_per_rad * (TargetAt(time_ns) - shaft.Measured(0)) +
              config_.kd_nm_s_per_rad * (velocity_offset_ * per_unit - velocity) +
              torque_offset_ * 0.001 * static_cast<double>(config_.node.rated_torque_nm);
     }
     case Cia402State::kQuickStop:
-      // With the options 5 ... 7 the drive stays in this state; with the others the torque goes
-      // off.
-      if (quick_stop_option_ < 5 && std::abs(velocity) < kRest_rad_s) {
-        state_ = Cia402State::kSwitchOnDisabled;
-      }
-      return -config_.kd_nm_s_per_rad * velocity;
     case Cia402State::kFaultReaction:
-      if (time_ns >= reaction_end_ns_ || std::abs(velocity) < kRest_rad_s) {
-        state_ = Cia402State::kFault;
-        return 0;
-      }
       return -config_.kd_nm_s_per_rad * velocity;
     default:
       return 0;
@@ -325,7 +328,7 @@ SimulatedCia402Drive::Object SimulatedCia402Drive::Read(std::uint16_t index,
     case Key(0x6065, 0):
       return {window_, 4};
     case Key(0x606c, 0):
-      return {std::llround(shaft_velocity_rad_s() / kTwoPi *
+      return {std::llround(shaft().velocity_rad_s / kTwoPi *
                            static_cast<double>(node.velocity_units_per_turn_s)),
               4};
     case Key(0x6076, 0):

@@ -47,6 +47,9 @@ class SimulatedCia402Drive final : public SimulatedDrive {
     return state_ == Cia402State::kEnabled || state_ == Cia402State::kQuickStop ||
            state_ == Cia402State::kFaultReaction;
   }
+  [[nodiscard]] std::int64_t next_act_ns() const noexcept override {
+    return heartbeat_ms_ == 0 ? kNever : heartbeat_due_ns_;
+  }
   [[nodiscard]] bool limp() const noexcept override { return error_code_ == kEmergencyHeartbeat; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
   /// Raises a fault with this EMCY code.
@@ -80,7 +83,9 @@ class SimulatedCia402Drive final : public SimulatedDrive {
   };
 
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override;
-  double Law(std::int64_t time_ns) noexcept override;
+  void Act(std::int64_t time_ns) noexcept override;
+  [[nodiscard]] double Law(std::int64_t time_ns, const Shaft& shaft) const noexcept override;
+  [[nodiscard]] double TargetAt(std::int64_t time_ns) const noexcept;
 
   void Boot() noexcept;
   void Answer(const SdoRequest& request, SimulatedPort& port) noexcept;

@@ -40,22 +40,22 @@ void SimulatedDrive::Say(SimulatedPort& port, const CanFrame& frame) const noexc
   if (!silent_) static_cast<void>(port.SendAfter(motor_.turnaround_ns, frame));
 }
 
-double SimulatedDrive::Measured(double zero_rad) const noexcept {
-  const double angle = shaft_rad_ - zero_rad;
-  if (motor_.encoder_step_rad <= 0) return angle;
-  return std::floor(angle / motor_.encoder_step_rad) * motor_.encoder_step_rad;
-}
-
 double SimulatedDrive::ToJoint(double shaft_angle_rad) const noexcept {
   return shaft_angle_rad / ratio_ + zero_offset_rad_;
 }
 
-double SimulatedDrive::Limited(double torque_nm) const noexcept {
+Shaft SimulatedDrive::ShaftAt(double joint_position_rad,
+                              double joint_velocity_rad_s) const noexcept {
+  return {ratio_ * (joint_position_rad - zero_offset_rad_), ratio_ * joint_velocity_rad_s, 0};
+}
+
+double SimulatedDrive::LimitedLaw(std::int64_t time_ns, const Shaft& shaft) const noexcept {
+  const double torque_nm = Law(time_ns, shaft);
   double limit = motor_.torque_max_nm;
-  const double speed = std::abs(velocity_rad_s_);
+  const double speed = std::abs(shaft.velocity_rad_s);
   // The back electromotive force takes voltage away only while the motor drives in the direction of
   // its motion.
-  if (torque_nm * velocity_rad_s_ > 0 && speed > motor_.base_speed_rad_s &&
+  if (torque_nm * shaft.velocity_rad_s > 0 && speed > motor_.base_speed_rad_s &&
       std::isfinite(motor_.no_load_speed_rad_s)) {
     const double range = motor_.no_load_speed_rad_s - motor_.base_speed_rad_s;
     limit *= std::max(0.0, (motor_.no_load_speed_rad_s - speed) / range);
@@ -65,8 +65,8 @@ double SimulatedDrive::Limited(double torque_nm) const noexcept {
 
 double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
                             double joint_velocity_rad_s) noexcept {
-  shaft_rad_ = ratio_ * (joint_position_rad - zero_offset_rad_);
-  velocity_rad_s_ = ratio_ * joint_velocity_rad_s;
+  shaft_ = ShaftAt(joint_position_rad, joint_velocity_rad_s);
+  shaft_.encoder_step_rad = motor_.encoder_step_rad;
   const double passed_s = stepped_ns_ < 0 ? 0.0 : static_cast<double>(time_ns - stepped_ns_) * 1e-9;
   stepped_ns_ = time_ns;
   if (std::isfinite(motor_.thermal_time_constant_s)) {
@@ -74,14 +74,28 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
     temperature_c_ +=
         (end - temperature_c_) * -portable::Expm1(-passed_s / motor_.thermal_time_constant_s);
   }
-  const double wanted = Limited(Law(time_ns));
+  Act(time_ns);
+  wanted_nm_ = smooth_nm_ = LimitedLaw(time_ns, shaft_);
+  if (motor_.encoder_step_rad > 0)
+    smooth_nm_ = LimitedLaw(time_ns, ShaftAt(joint_position_rad, joint_velocity_rad_s));
   if (motor_.torque_time_constant_s > 0) {
     torque_nm_ +=
-        (wanted - torque_nm_) * -portable::Expm1(-passed_s / motor_.torque_time_constant_s);
+        (wanted_nm_ - torque_nm_) * -portable::Expm1(-passed_s / motor_.torque_time_constant_s);
   } else {
-    torque_nm_ = wanted;
+    torque_nm_ = wanted_nm_;
   }
   return ratio_ * torque_nm_;
+}
+
+double SimulatedDrive::TorqueAt(std::int64_t time_ns, double joint_position_rad,
+                                double joint_velocity_rad_s) const noexcept {
+  const double since =
+      LimitedLaw(time_ns, ShaftAt(joint_position_rad, joint_velocity_rad_s)) - smooth_nm_;
+  if (motor_.torque_time_constant_s <= 0) return ratio_ * (torque_nm_ + since);
+  const double passed_s = static_cast<double>(time_ns - stepped_ns_) * 1e-9;
+  const double wanted = wanted_nm_ + since;
+  return ratio_ * (torque_nm_ + (wanted - torque_nm_) *
+                                    -portable::Expm1(-passed_s / motor_.torque_time_constant_s));
 }
 
 }  // namespace tumbler

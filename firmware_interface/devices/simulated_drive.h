@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <numbers>
@@ -36,6 +37,20 @@ struct SimulatedMotorConfig {
   double thermal_time_constant_s = std::numeric_limits<double>::infinity();  ///< > 0
 };
 
+/// What a drive knows of its shaft when it computes a torque.
+struct Shaft {
+  double angle_rad = 0;  ///< The true angle.
+  double velocity_rad_s = 0;
+  double encoder_step_rad = 0;  ///< 0: the encoder is exact.
+
+  /// The angle that the encoder reads [rad], where it reads zero at the true angle `zero_rad`.
+  [[nodiscard]] double Measured(double zero_rad) const noexcept {
+    const double angle = angle_rad - zero_rad;
+    if (encoder_step_rad <= 0) return angle;
+    return std::floor(angle / encoder_step_rad) * encoder_step_rad;
+  }
+};
+
 /// The drive side of a protocol, with a motor: a node of a simulated bus that turns setpoints into
 /// torque. The behaviour of each protocol's drives is in a header of its own,
 /// simulated_NAME.h.
@@ -49,6 +64,14 @@ class SimulatedDrive : public SimulatedNode {
   /// it [N m] until the next call. Times must not decrease.
   double Step(std::int64_t time_ns, double joint_position_rad,
               double joint_velocity_rad_s) noexcept;
+  /// The torque that this loop would have on the joint [N m] at a time after the last step, if the
+  /// joint were there. What the encoder does not resolve stays as it was in that step, so that the
+  /// torque is smooth. For steps of the physics that are longer than the loop's.
+  [[nodiscard]] double TorqueAt(std::int64_t time_ns, double joint_position_rad,
+                                double joint_velocity_rad_s) const noexcept;
+  /// When the drive does something of its own accord next, at the earliest; the largest number: not
+  /// before a frame comes.
+  [[nodiscard]] virtual std::int64_t next_act_ns() const noexcept { return kNever; }
 
   /// Whether the torque is on.
   [[nodiscard]] virtual bool enabled() const noexcept = 0;
@@ -76,6 +99,8 @@ class SimulatedDrive : public SimulatedNode {
   virtual void RaiseError(std::uint32_t code) noexcept = 0;
 
  protected:
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+
   /// @throws std::invalid_argument  naming the value that is not allowed.
   SimulatedDrive(const SimulatedMotorConfig& motor, const JointMap& joint);
 
@@ -83,9 +108,10 @@ class SimulatedDrive : public SimulatedNode {
 
   /// The configuration of such a drive's controller.
   [[nodiscard]] virtual SimulatedPortConfig port_config() const noexcept = 0;
-  /// The torque that the drive's law asks for at the shaft, before the motor's limits; called once
-  /// a step.
-  virtual double Law(std::int64_t time_ns) noexcept = 0;
+  /// What the drive does of its own accord: called once a step, after the shaft was measured.
+  virtual void Act(std::int64_t time_ns) noexcept = 0;
+  /// The torque that the drive's law asks for at the shaft, before the motor's limits.
+  [[nodiscard]] virtual double Law(std::int64_t time_ns, const Shaft& shaft) const noexcept = 0;
 
   /// Sends unless silent. When every mailbox is taken the message is lost, as in firmware, and the
   /// port counts it.
@@ -95,11 +121,11 @@ class SimulatedDrive : public SimulatedNode {
     if (port_ != nullptr) Say(*port_, frame);
   }
 
-  /// The shaft's true angle.
-  [[nodiscard]] double shaft_rad() const noexcept { return shaft_rad_; }
-  /// The angle that the encoder reads [rad], where it reads zero at the true angle `zero_rad`.
-  [[nodiscard]] double Measured(double zero_rad) const noexcept;
-  [[nodiscard]] double shaft_velocity_rad_s() const noexcept { return velocity_rad_s_; }
+  /// The shaft in the last step.
+  [[nodiscard]] const Shaft& shaft() const noexcept { return shaft_; }
+  [[nodiscard]] double Measured(double zero_rad) const noexcept {
+    return shaft_.Measured(zero_rad);
+  }
   [[nodiscard]] double ToJoint(double shaft_angle_rad) const noexcept;
   void CountExpiry() noexcept { ++watchdog_expiries_; }
   void CountFrame() noexcept { ++frames_received_; }
@@ -109,7 +135,9 @@ class SimulatedDrive : public SimulatedNode {
   }
 
  private:
-  [[nodiscard]] double Limited(double torque_nm) const noexcept;
+  [[nodiscard]] Shaft ShaftAt(double joint_position_rad,
+                              double joint_velocity_rad_s) const noexcept;
+  [[nodiscard]] double LimitedLaw(std::int64_t time_ns, const Shaft& shaft) const noexcept;
 
   SimulatedMotorConfig motor_;
   double ratio_;  // shaft turns per turn of the joint, with its sign
@@ -118,8 +146,8 @@ class SimulatedDrive : public SimulatedNode {
   bool silent_ = false;
   double temperature_c_;
   std::int64_t stepped_ns_ = -1;  // time of the last step; -1: none yet
-  double shaft_rad_ = 0;
-  double velocity_rad_s_ = 0;
+  Shaft shaft_;
+  double wanted_nm_ = 0, smooth_nm_ = 0;  // what the law asked for; as if the encoder were exact
   double torque_nm_ = 0;
   std::int64_t watchdog_expiries_ = 0;
   std::int64_t frames_received_ = 0;

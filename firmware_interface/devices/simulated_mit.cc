@@ -35,10 +35,9 @@ void SimulatedMitDrive::CheckWatchdog(std::int64_t time_ns) noexcept {
   if (enabled_ && law_.Expires(time_ns)) CountExpiry();
 }
 
-double SimulatedMitDrive::Law(std::int64_t time_ns) noexcept {
-  CheckWatchdog(time_ns);
+double SimulatedMitDrive::Law(std::int64_t /*time_ns*/, const Shaft& shaft) const noexcept {
   if (!enabled_ || error_ != 0) return 0;
-  return law_.Torque(Measured(zero_rad_), shaft_velocity_rad_s());
+  return law_.Torque(shaft.Measured(zero_rad_), shaft.velocity_rad_s);
 }
 
 void SimulatedMitDrive::AnswerRegister(const CanFrame& frame, SimulatedPort& port) const noexcept {
@@ -82,7 +81,7 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   MitReply reply;
   reply.sender = static_cast<std::uint8_t>(config_.mit.command_id);
   reply.position_rad = static_cast<float>(Measured(zero_rad_));
-  reply.velocity_rad_s = static_cast<float>(shaft_velocity_rad_s());
+  reply.velocity_rad_s = static_cast<float>(shaft().velocity_rad_s);
   reply.torque_nm = static_cast<float>(torque_nm());
   reply.size = config_.reply_size;
   reply.temperature_c = static_cast<float>(temperature_c());
@@ -101,7 +100,7 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   } else if (magic == MitMagic::kExit) {
     enabled_ = false;
   } else if (!enabled_) {
-    zero_rad_ = shaft_rad();
+    zero_rad_ = shaft().angle_rad;
   }
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "firmware_interface/devices/damiao_registers.h"
 #include "firmware_interface/devices/mit.h"
 #include "firmware_interface/devices/simulated_drive.h"
 #include "firmware_interface/devices/simulated_impedance.h"
@@ -37,6 +38,9 @@ class SimulatedMitDrive final : public SimulatedDrive {
   static SimulatedPortConfig PortConfig() noexcept;
 
   void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept override;
+  [[nodiscard]] bool Heeds(const CanFrame& frame) const noexcept override {
+    return frame.id == config_.mit.command_id || frame.id == kDamiaoRegistersId;
+  }
 
   [[nodiscard]] bool enabled() const noexcept override { return enabled_; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
@@ -55,7 +59,8 @@ class SimulatedMitDrive final : public SimulatedDrive {
 
  private:
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override { return PortConfig(); }
-  double Law(std::int64_t time_ns) noexcept override;
+  void Act(std::int64_t time_ns) noexcept override { CheckWatchdog(time_ns); }
+  [[nodiscard]] double Law(std::int64_t time_ns, const Shaft& shaft) const noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
   void AnswerRegister(const CanFrame& frame, SimulatedPort& port) const noexcept;
 

@@ -54,6 +54,7 @@ class SimulatedSensor final : public SimulatedNode {
   void Measure(double pitch_rad, double rate_rad_s, std::int64_t enabled_ns) noexcept;
 
   void OnFrame(const ReceivedFrame& /*received*/, SimulatedPort& /*port*/) noexcept override {}
+  [[nodiscard]] bool Heeds(const CanFrame& /*frame*/) const noexcept override { return false; }
 
  private:
   struct Report : SensorReport {

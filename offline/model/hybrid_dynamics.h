@@ -95,6 +95,12 @@ class HybridDynamics {
   /// and writes the others.
   void Solve(std::span<double> qdd, std::span<double> tau);
 
+  /// The accelerations of the free degrees of freedom that these torques on them add to Solve's:
+  /// the equations are linear in torques. After Solve.
+  /// @param torques  of all degrees of freedom; those of prescribed ones do not matter.
+  /// @param qdd      written for the free ones.
+  void Respond(std::span<const double> torques, std::span<double> qdd) const;
+
   /// A free degree of freedom whose acceleration is not determined, or lost to rounding, or -1:
   /// coordinates are at a singularity, or bodies lack inertia. It is the first one of whose inertia
   /// only the fraction `tolerance` or less is left once the free ones before it may move. After
@@ -182,13 +188,16 @@ class HybridDynamics {
     WrenchDerivative wrench_derivative;  // of the body; valid where touched
     WrenchDerivative contact;            // of the subtree
   };
-  /// Calls work(number of free degrees of freedom). Three, as those of a root in the plane, are
-  /// given as a constant, for which the loops over them are compiled without loops.
+  /// Calls work(number of free degrees of freedom). Three, as those of a root in the plane, and
+  /// five, with two joints that are driven by torques, are given as constants, for which the loops
+  /// over them are compiled without loops.
   template <class Work>
   void WithFreeCount(Work&& work) const {
-    constexpr int kRootInPlane = 3;
+    constexpr int kRootInPlane = 3, kWithTwoJoints = 5;
     if (free_count_ == kRootInPlane) {
       work(std::integral_constant<int, kRootInPlane>());
+    } else if (free_count_ == kWithTwoJoints) {
+      work(std::integral_constant<int, kWithTwoJoints>());
     } else {
       work(free_count_);
     }

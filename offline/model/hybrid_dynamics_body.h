@@ -186,6 +186,16 @@ void HybridDynamics<Space>::Solve(std::span<double> accelerations, std::span<dou
 }
 
 template <class Space>
+void HybridDynamics<Space>::Respond(std::span<const double> torques, std::span<double> qdd) const {
+  IntArray<double, kMaxDofs> x;
+  WithFreeCount([&](auto count) {
+    for (int i = 0; i < count; ++i) x[i] = torques[Index(free_[i])];
+    SolveFree(count, x.data());
+    for (int i = 0; i < count; ++i) qdd[Index(free_[i])] = x[i];
+  });
+}
+
+template <class Space>
 template <class Count>
 void HybridDynamics<Space>::FactorFreeInertia(Count count) {
   for (int i = 0; i < count; ++i) {

@@ -74,7 +74,7 @@ void CatchSignals() {
 }
 
 std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
-  const TwinState state = robot.state();
+  const TwinState& state = robot.state();
   Json json;
   json["bus"] = options.interface;
   json["time_s"] = static_cast<double>(state.time_ns) / 1e9;

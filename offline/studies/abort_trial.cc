@@ -147,7 +147,7 @@ AbortOutcome AbortTrials::Play(const AbortTrial& trial,
       begun_ns = now_ns;
     }
     if (begun_ns < 0) continue;
-    const TwinState truth = run.robot().state();
+    const TwinState& truth = run.robot().state();
     for (const double torque : truth.joint_torques_nm)
       outcome.torque_nm = std::max(outcome.torque_nm, std::abs(torque));
     outcome.overlaps = outcome.overlaps || truth.self_overlap_m > 0;
@@ -159,7 +159,7 @@ AbortOutcome AbortTrials::Play(const AbortTrial& trial,
   }
   if (begun_ns < 0)
     throw Refused(motion_.file().path + ": its run ends before it could be aborted");
-  const TwinState truth = run.robot().state();
+  const TwinState& truth = run.robot().state();
   outcome.impact_m_s = truth.impact_m_s;
   outcome.link = truth.impact_link;
   outcome.pitch_rad = truth.root_pitch_rad;

@@ -259,7 +259,7 @@ void Trials::PlayModel() {
     const TickRecord& record = loop.record();
     // Once the torque is off there is no more to say.
     if (record.state == ExecutorState::kDisarmed && !script.delay_s.empty()) return;
-    const TwinState truth = robot.state();
+    const TwinState& truth = robot.state();
     ScriptTick& tick = script.ticks.emplace_back();
     tick.state = record.state;
     tick.node = record.node;
@@ -320,7 +320,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   bool begun = false;
   int settled = -1, fell_after = -1;  // nodes
   for (std::size_t k = 0; run.Step(); ++k) {
-    const TwinState truth = robot.state();
+    const TwinState& truth = robot.state();
     if (loop.record().state == ExecutorState::kSettling) settled = loop.record().node;
     if (fell_after < 0 && loop.statistics().get_ups > 0) fell_after = settled;
     judge.Observe(loop.record(), loop.time_ns(), truth);

@@ -133,7 +133,7 @@ void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
 }
 
 void SimulatedRobot::Measure() {
-  const TwinState state = twin_->state();
+  const TwinState& state = twin_->state();
   // A sensor measures against gravity.
   double pitch_rad = state.root_pitch_rad + slope_rad_;
   double rate_rad_s = state.root_pitch_rate_rad_s;

@@ -75,7 +75,8 @@ class SimulatedRobot {
   void PutBack();
 
   [[nodiscard]] std::int64_t now_ns() const { return now_ns_; }
-  [[nodiscard]] TwinState state() const { return twin_->state(); }
+  /// Valid until the robot moves.
+  [[nodiscard]] const TwinState& state() const { return twin_->state(); }
   [[nodiscard]] std::vector<TwinContact> contacts() const { return twin_->contacts(); }
   [[nodiscard]] const PostureWatch& posture() const { return *posture_; }
   [[nodiscard]] const std::vector<std::string>& joints() const { return joints_; }

@@ -98,7 +98,7 @@ class SimulatedWorld final : public World {
     for (int i = 0; i < kSteps; ++i) {
       robot_.AdvanceTo(robot_.now_ns() + kStep_ns);
       if (i < kSteps - 1000) continue;
-      const TwinState state = robot_.state();
+      const TwinState& state = robot_.state();
       swing_rad_s = std::max(swing_rad_s, std::abs(state.root_pitch_rate_rad_s));
       for (const std::vector<double>* rates :
            {&state.joint_velocities_rad_s, &state.passive_velocities_rad_s}) {
@@ -146,7 +146,10 @@ Simulation MakeSimulation() {
                                 const SimulatedWorldConfig* config) {
     const SimulatedMotion motion(file);
     std::optional<std::int64_t> step_ns;
-    if (config != nullptr) step_ns = RobotOf(motion, *config).twin.step_ns;
+    if (config != nullptr) {
+      const TwinConfig twin = RobotOf(motion, *config).twin;
+      if (twin.steps == TwinConfig::Steps::kFixed) step_ns = twin.step_ns;
+    }
     return DampingNotes(motion, drives, step_ns);
   };
   return simulation;

@@ -20,7 +20,7 @@ namespace tumbler {
 namespace {
 
 truth_t MessageOf(const SimulatedRobot& robot) {
-  const TwinState state = robot.state();
+  const TwinState& state = robot.state();
   const PostureWatch& posture = robot.posture();
   truth_t message{};
   message.time_ns = state.time_ns;

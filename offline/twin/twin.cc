@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/scene/stepper.h"
@@ -14,6 +15,8 @@ namespace {
 /// Stiffness and damping of a stop that a sliding joint without a motor meets, in units of a
 /// turning one's: those of that at a lever of 0.1 m [1/m^2].
 constexpr double kStopLever = 1 / (0.1 * 0.1);
+/// Steps within an error bound are at most so long, times the fastest rate at which anything fades.
+constexpr double kSlowEnough = 1.4;
 /// What steps bear of a stop: parts of inertia / step^2 and of inertia / step, with room for what a
 /// joint's inertia changes as the robot moves.
 constexpr double kLargestStiffness = 0.1, kLargestDamping = 0.25;
@@ -112,6 +115,12 @@ struct Twin::Implementation {
       patch_obstacles.push_back(ObstacleOf(scene, patch.obstacle));
     }
     FindPassiveStops();
+    const std::size_t joints = scene.robot.joint_count(), passive = scene.robot.passive.size();
+    told.joint_positions_rad.resize(joints);
+    told.joint_velocities_rad_s.resize(joints);
+    told.joint_torques_nm.resize(joints);
+    told.passive_positions_rad.resize(passive);
+    told.passive_velocities_rad_s.resize(passive);
     Drive();
   }
 
@@ -209,12 +218,16 @@ struct Twin::Implementation {
     }
   }
 
-  /// Of the state that the robot is in.
-  void Slope(double* k) {
+  /// Finds what touches the robot in the state that it is in, and what pushes it.
+  void Touch() {
     robot.Touch();
     ApplyPatches();
     ApplyPushes();
-    robot.tau = drive_torque;
+  }
+
+  /// The slope after Touch, with these torques of the drives.
+  void Solve(const SceneDynamics::Numbers& torques, double* k) {
+    robot.tau = torques;
     for (std::size_t j = 0; j < drives.size(); ++j) {
       const std::size_t dof = scene.robot.DofOfJoint(j);
       robot.tau[dof] += Resistance(j, robot.q[dof], robot.qd[dof]);
@@ -256,10 +269,134 @@ struct Twin::Implementation {
     StepRungeKutta<kMidpoint>(y, 2 * robot.free.size(), h,
                               [this](int s, const SceneDynamics::State& state, double* k) {
                                 robot.SetFree(state);
-                                Slope(k);
+                                Touch();
+                                Solve(drive_torque, k);
                                 if (s == 0) NoteContacts();
                                 return true;
                               });
+  }
+
+  /// The torques of the drives at a time after their last step, in the state that the robot is in.
+  [[nodiscard]] SceneDynamics::Numbers TorquesAt(std::int64_t at_ns) const {
+    SceneDynamics::Numbers torques{};
+    for (std::size_t j = 0; j < drives.size(); ++j) {
+      const std::size_t dof = scene.robot.DofOfJoint(j);
+      torques[dof] = drives[j]->TorqueAt(at_ns, robot.q[dof], robot.qd[dof]);
+    }
+    return torques;
+  }
+
+  /// The next time, at most `limit_ns`, at which something may change how the robot moves: a frame
+  /// reaches a drive, a drive acts by itself, a push begins or ends.
+  [[nodiscard]] std::int64_t NextChange(std::int64_t limit_ns) const {
+    std::int64_t next = limit_ns;
+    const auto consider = [this, &next](std::int64_t at_ns) {
+      if (at_ns > time_ns) next = std::min(next, at_ns);
+    };
+    consider(bus.NextDelivery());
+    for (const SimulatedDrive* drive : drives) consider(drive->next_act_ns());
+    for (const Push& push : config.pushes) {
+      if (push.since_enabled && enabled_ns < 0) continue;
+      const double from_s =
+          push.start_s + (push.since_enabled ? 1e-9 * static_cast<double>(enabled_ns) : 0);
+      consider(std::llround(1e9 * from_s));
+      consider(std::llround(1e9 * (from_s + push.duration_s)));
+    }
+    return next;
+  }
+
+  /// Takes one step by the midpoint rule that ends at `end_ns` at the latest, and is as long as the
+  /// error bound allows. Times that are left to `end_ns` are divided into equal steps.
+  void StepWithinError(std::int64_t end_ns) {
+    const std::size_t n = robot.free.size();
+    if (!config.pushes.empty()) at_start = AtStart::kUnknown;  // One may begin or end here.
+    if (at_start == AtStart::kUnknown) {
+      robot.SetFree(y);
+      Touch();
+      slope_torque = drive_torque;
+      Solve(slope_torque, slope.data());
+    }
+    NoteContacts();
+    const std::int64_t left_ns = end_ns - time_ns;
+    for (;;) {
+      const std::int64_t steps = (left_ns + wanted_step_ns - 1) / wanted_step_ns;
+      const std::int64_t step_ns = (left_ns + steps - 1) / steps;
+      const double h = 1e-9 * static_cast<double>(step_ns);
+      SceneDynamics::State later, middle_slope, end_slope;
+      for (std::size_t i = 0; i < 2 * n; ++i) later[i] = y[i] + 0.5 * h * slope[i];
+      Evaluate(later, time_ns + step_ns / 2, middle_slope);
+      for (std::size_t i = 0; i < 2 * n; ++i) later[i] = y[i] + h * middle_slope[i];
+      Evaluate(later, time_ns + step_ns, end_slope);
+      double error = 0;  // of Simpson's rule against the midpoint's
+      for (std::size_t i = n; i < 2 * n; ++i) {
+        error = std::max(error, h / 6 * std::abs(slope[i] - 2 * middle_slope[i] + end_slope[i]) /
+                                    (kTwinStepError * (1 + std::abs(y[i]))));
+      }
+      double factor =
+          std::clamp(0.9 * portable::Power(std::max(error, 1e-3), -1.0 / 3), 0.3, 4.0);
+      // A mode that the drives damp at the rate r makes the step unstable from h r = 2 on, before
+      // any error shows where the robot rests. How slopes and states differ tells the fastest rate
+      // that takes part.
+      double changes = 0, moves = 0;
+      for (std::size_t i = n; i < 2 * n; ++i) {
+        const double change = end_slope[i] - middle_slope[i];
+        const double move = h * (middle_slope[i] - 0.5 * slope[i]);
+        changes += change * change;
+        moves += move * move;
+      }
+      if (const double rate = std::sqrt(changes / moves); h * factor * rate > kSlowEnough)
+        factor = kSlowEnough / (h * rate);
+      const auto advised_ns = static_cast<std::int64_t>(factor * static_cast<double>(step_ns));
+      const bool shortest = step_ns <= config.step_ns;
+      if (error > 1 && !shortest) {
+        wanted_step_ns = std::clamp(advised_ns, config.step_ns, kTwinLongestStep_ns);
+        continue;
+      }
+      // A step that had to end early says nothing against a longer one.
+      if (factor < 1 || step_ns >= wanted_step_ns || advised_ns > wanted_step_ns)
+        wanted_step_ns = std::clamp(advised_ns, config.step_ns, kTwinLongestStep_ns);
+      y = later;
+      slope = end_slope;
+      time_ns += step_ns;
+      at_start = AtStart::kSolved;
+      return;
+    }
+  }
+
+  /// The slope in a state at a time within a step.
+  void Evaluate(const SceneDynamics::State& state, std::int64_t at_ns, SceneDynamics::State& k) {
+    robot.SetFree(state);
+    Touch();
+    slope_torque = TorquesAt(at_ns);
+    Solve(slope_torque, k.data());
+  }
+
+  /// Lets the drives take what has come up to now, and act.
+  void PassBus() {
+    // What a drive answers is what it measures when the frame has come.
+    if (bus.NextDelivery() <= time_ns) Drive();
+    bus.AdvanceTo(time_ns);
+    Drive();
+    if (at_start != AtStart::kSolved) return;
+    SceneDynamics::Numbers more{}, acceleration{};
+    for (std::size_t i = 0; i < robot.n; ++i) more[i] = drive_torque[i] - slope_torque[i];
+    robot.dynamics.Respond({more.data(), robot.n}, {acceleration.data(), robot.n});
+    for (std::size_t i = 0; i < robot.free.size(); ++i)
+      slope[robot.free.size() + i] += acceleration[robot.free[i]];
+    slope_torque = drive_torque;
+  }
+
+  void AdvanceWithinError(std::int64_t target_ns) {
+    while (time_ns < target_ns) {
+      PassBus();
+      const std::int64_t change_ns = NextChange(target_ns);
+      if (held) {
+        time_ns = std::min(change_ns, time_ns + kTwinLongestStep_ns);
+        continue;
+      }
+      StepWithinError(change_ns);
+    }
+    PassBus();
   }
 
   [[nodiscard]] double q(std::size_t dof) const {
@@ -287,6 +424,17 @@ struct Twin::Implementation {
   std::int64_t enabled_ns = -1;  // when all drives were first enabled; -1: not yet
   bool stands;
   bool held;
+  /// Of steps within an error bound: what is known of the state y.
+  enum class AtStart : std::uint8_t {
+    kUnknown,
+    kSolved,  ///< The slope with these torques of the drives. `robot` is in the state.
+  };
+  AtStart at_start = AtStart::kUnknown;
+  SceneDynamics::State slope{};
+  SceneDynamics::Numbers slope_torque{};  // with which the last slope was found
+  std::int64_t wanted_step_ns = config.step_ns;
+  mutable TwinState told;  // with room for its work
+  mutable bool told_is_true = false;
   double peak_penetration = 0;
   double normal_force = 0;
   double impact = 0;
@@ -301,6 +449,8 @@ Twin::~Twin() = default;
 
 void Twin::AdvanceTo(std::int64_t time_ns) {
   Implementation& m = *implementation_;
+  m.told_is_true = false;
+  if (m.config.steps == TwinConfig::Steps::kErrorBound) return m.AdvanceWithinError(time_ns);
   while (m.time_ns < time_ns) {
     const std::int64_t next = std::min(m.time_ns + m.config.step_ns, time_ns);
     m.bus.AdvanceTo(m.time_ns);
@@ -312,9 +462,11 @@ void Twin::AdvanceTo(std::int64_t time_ns) {
   m.Drive();
 }
 
-TwinState Twin::state() const {
+const TwinState& Twin::state() const {
   const Implementation& m = *implementation_;
-  TwinState state;
+  TwinState& state = m.told;
+  if (m.told_is_true) return state;
+  m.told_is_true = true;
   state.time_ns = m.time_ns;
   state.held = m.held || m.stands;
   state.enabled_ns = m.enabled_ns;
@@ -329,24 +481,25 @@ TwinState Twin::state() const {
   }
   for (std::size_t j = 0; j < m.scene.robot.joint_count(); ++j) {
     const std::size_t dof = m.scene.robot.DofOfJoint(j);
-    state.joint_positions_rad.push_back(m.q(dof));
-    state.joint_velocities_rad_s.push_back(m.qd(dof));
-    state.joint_torques_nm.push_back(m.drive_torque[dof]);
+    state.joint_positions_rad[j] = m.q(dof);
+    state.joint_velocities_rad_s[j] = m.qd(dof);
+    state.joint_torques_nm[j] = m.drive_torque[dof];
   }
-  for (const PassiveJoint& joint : m.scene.robot.passive) {
-    state.passive_positions_rad.push_back(m.q(Index(joint.dof)));
-    state.passive_velocities_rad_s.push_back(m.qd(Index(joint.dof)));
+  for (std::size_t i = 0; i < m.scene.robot.passive.size(); ++i) {
+    const std::size_t dof = Index(m.scene.robot.passive[i].dof);
+    state.passive_positions_rad[i] = m.q(dof);
+    state.passive_velocities_rad_s[i] = m.qd(dof);
   }
   state.peak_penetration_m = m.peak_penetration;
   state.impact_m_s = m.impact;
+  state.impact_link.clear();
   if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];
   SceneDynamics::Numbers positions{};
   for (std::size_t dof = 0; dof < m.robot.n; ++dof) positions[dof] = m.q(dof);
-  const SelfClearance own = m.distances.Nearest({positions.data(), m.robot.n});
-  if (own.distance_m < 0) {
-    state.self_overlap_m = -own.distance_m;
-    state.overlapping = NameOf(m.scene.robot, own.pair);
-  }
+  const SelfClearance own = m.distances.Nearest({positions.data(), m.robot.n}, 0);
+  const bool overlaps = own.distance_m < 0;
+  state.self_overlap_m = overlaps ? -own.distance_m : 0;
+  state.overlapping = overlaps ? NameOf(m.scene.robot, own.pair) : "";
   state.normal_force_n = m.normal_force;
   return state;
 }
@@ -363,6 +516,7 @@ std::vector<TwinContact> Twin::contacts() const {
 
 void Twin::Displace(std::span<const double> q, std::span<const double> v) {
   Implementation& m = *implementation_;
+  m.told_is_true = false;
   const std::size_t root = Index(m.scene.robot.root_dofs);
   const std::size_t count = root + m.scene.robot.joint_count();
   if (q.size() != count || v.size() != count)
@@ -373,16 +527,20 @@ void Twin::Displace(std::span<const double> q, std::span<const double> v) {
     m.y[Index(place)] += q[i];
     m.y[m.robot.free.size() + Index(place)] += v[i];
   }
+  m.at_start = Implementation::AtStart::kUnknown;
 }
 
 void Twin::ForgetImpacts() {
+  implementation_->told_is_true = false;
   implementation_->impact = 0;
   implementation_->impact_body = -1;
 }
 
 void Twin::PutBack() {
   Implementation& m = *implementation_;
+  m.told_is_true = false;
   m.y = m.start_state;
+  m.at_start = Implementation::AtStart::kUnknown;
   m.touching.clear();
   m.normal_force = 0;
   m.held = m.config.held && !m.stands;

@@ -48,10 +48,25 @@ struct FrictionPatch {
   double to_x_m = std::numeric_limits<double>::infinity();
 };
 
+/// Bound of the error of a velocity v in a step, estimated by Simpson's rule: divided by 1 + |v|
+/// [m/s, rad/s]. Ten times smaller ones give the same verdicts (docs/benchmarks.md).
+inline constexpr double kTwinStepError = 1e-3;
+/// The longest step: a foot at 3 m/s crosses the layer in which contact begins in 1.3 ms.
+inline constexpr std::int64_t kTwinLongestStep_ns = 800'000;
+
 /// Settings of a simulated robot: how it is simulated, and where it differs from its scene.
 struct TwinConfig {
-  /// Step of the physics and of the drives' control law. The current loop of a drive runs at 20 to
-  /// 40 kHz.
+  /// How long the steps of the physics are.
+  enum class Steps : std::uint8_t {
+    /// As long as what the drives do and an error bound of `kTwinStepError` allow, up to
+    /// `kTwinLongestStep_ns`, but no shorter than `step_ns` because of the bound. They end where a
+    /// frame reaches a drive. The drives' law is part of the equations of motion.
+    kErrorBound,
+    /// `step_ns`. So often the drives' law is computed, too.
+    kFixed,
+  };
+  Steps steps = Steps::kErrorBound;
+  /// The current loop of a drive runs at 20 to 40 kHz.
   std::int64_t step_ns = 50'000;
   /// Whether the robot and its joints are held until every drive is enabled: limp legs do not
   /// stand.
@@ -125,7 +140,8 @@ class Twin {
 
   /// Advances bus, drives and robot to this time.
   void AdvanceTo(std::int64_t time_ns);
-  [[nodiscard]] TwinState state() const;
+  /// Valid until the twin changes.
+  [[nodiscard]] const TwinState& state() const;
   /// The contacts in the last step.
   [[nodiscard]] std::vector<TwinContact> contacts() const;
   /// Moves the robot at once, as a knock does. What a stand or a bar holds stays where it is.

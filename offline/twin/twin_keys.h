@@ -29,9 +29,13 @@ inline constexpr std::array kTwinFileKeys = {
         .Allowed("a file"),
 };
 
+inline constexpr std::array<std::string_view, 2> kTwinSteps = {"error-bound", "fixed"};
 inline constexpr std::array kTwinStepKeys = {
+    KeyOf<&TwinConfig::steps>("steps", kTwinSteps,
+                              "as long as an error bound and the drives allow, or all `step_s`"),
     SecondsOf<&TwinConfig::step_ns>("step_s", {1e-6, 1e-3},
-                                    "of the physics and of the drives' law"),
+                                    "of the physics and of the drives' law where steps are fixed; "
+                                    "else the shortest that the error bound asks for"),
 };
 
 /// The place at which the robot starts. Values that the file leaves out are those of the motion.

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -51,9 +52,10 @@ PrimitiveFile FileOf(const std::string& task, double shift_x_m = 0) {
 }
 
 /// The settings of a twin that nobody holds.
-TwinConfig LetGo() {
+TwinConfig LetGo(TwinConfig::Steps steps = TwinConfig::Steps::kErrorBound) {
   TwinConfig config;
   config.held = false;
+  config.steps = steps;
   return config;
 }
 
@@ -181,8 +183,8 @@ TEST(TwinMechanics, AFreeFallGainsSpeedAsGravitySays) {
   }
 }
 
-TEST(TwinMechanics, AFlightWithLimpDrivesAndNoFrictionKeepsEnergyAndMomentum) {
-  TwinConfig config = LetGo();
+/// Whether a flight keeps its energy and its momentum [kg m/s] so well.
+void ExpectKept(TwinConfig config, double energy_share, double momentum_kg_m_s) {
   config.joints.assign(
       2, {.viscous_friction_nm_s_per_rad = 0, .dry_friction_nm = 0, .rotor_inertia_kg_m2 = {}});
   config.stop_stiffness_nm_per_rad = config.stop_damping_nm_s_per_rad = 0;
@@ -203,9 +205,14 @@ TEST(TwinMechanics, AFlightWithLimpDrivesAndNoFrictionKeepsEnergyAndMomentum) {
   const double energy = MechanicalEnergy(kicked);
   for (int ms = 120; ms <= 1000; ms += 10) {
     rig.twin->AdvanceTo(ms * kMs);
-    EXPECT_NEAR(MechanicalEnergy(rig.twin->state()), energy, 1e-5 * energy) << ms;
-    EXPECT_NEAR(momentum(rig.twin->state()), 0, 1e-6) << ms;
+    EXPECT_NEAR(MechanicalEnergy(rig.twin->state()), energy, energy_share * energy) << ms;
+    EXPECT_NEAR(momentum(rig.twin->state()), 0, momentum_kg_m_s) << ms;
   }
+}
+
+TEST(TwinMechanics, AFlightWithLimpDrivesAndNoFrictionKeepsEnergyAndMomentum) {
+  ExpectKept(LetGo(TwinConfig::Steps::kFixed), 1e-5, 1e-6);
+  ExpectKept(LetGo(), 1e-4, 1e-4);
 }
 
 TEST(TwinMechanics, BearingFrictionTakesEnergyAway) {
@@ -314,8 +321,8 @@ void ExpectSame(const TwinState& a, const TwinState& b) {
 }
 
 TEST(TwinTime, OneAdvanceAndManyOfWholeStepsGiveTheSameState) {
-  Rig one(StandingTask());
-  Rig many(StandingTask());
+  Rig one(StandingTask(), LetGo(TwinConfig::Steps::kFixed));
+  Rig many(StandingTask(), LetGo(TwinConfig::Steps::kFixed));
   for (Rig* rig : {&one, &many}) {
     rig->Command(0, {.position_rad = -1.2F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
     rig->Command(1, {.position_rad = 1.9F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
@@ -343,19 +350,149 @@ TEST(TwinTime, TheSameCallsGiveTheSameStateAndThePastChangesNothing) {
   ExpectSame(a.twin->state(), b.twin->state());
 }
 
-TEST(TwinTime, HalvingTheStepHardlyChangesTheMotion) {
-  TwinConfig fine = LetGo();
+TEST(TwinTime, StepsWithinTheErrorBoundAndHalvesOfFixedOnesHardlyChangeTheMotion) {
+  TwinConfig fine = LetGo(TwinConfig::Steps::kFixed);
   fine.step_ns = 12'500;
-  Rig coarse(StandingTask());
+  Rig coarse(StandingTask(), LetGo(TwinConfig::Steps::kFixed));
+  Rig bounded(StandingTask());
   Rig other(StandingTask(), fine);
-  for (Rig* rig : {&coarse, &other}) {
+  for (Rig* rig : {&coarse, &bounded, &other}) {
     rig->Command(0, {.position_rad = -1.2F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
     rig->Command(1, {.position_rad = 1.9F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
     rig->Magic(MitMagic::kEnter);
     rig->twin->AdvanceTo(300 * kMs);
   }
-  EXPECT_NEAR(coarse.twin->state().root_pitch_rad, other.twin->state().root_pitch_rad, 1e-3);
-  EXPECT_NEAR(coarse.twin->state().root_x_m, other.twin->state().root_x_m, 1e-3);
+  for (Rig* rig : {&coarse, &bounded}) {
+    EXPECT_NEAR(rig->twin->state().root_pitch_rad, other.twin->state().root_pitch_rad, 1e-3);
+    EXPECT_NEAR(rig->twin->state().root_x_m, other.twin->state().root_x_m, 1e-3);
+  }
+}
+
+TEST(TwinTime, StepsWithinTheErrorBoundLetARobotRestThatItsDrivesDampHard) {
+  // In fixed steps of 1 ms kd 5 is unstable: docs/driving.md.
+  Rig rig(StandingTask());
+  rig.Command(0, {.position_rad = -1.5708F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 5});
+  rig.Command(1, {.position_rad = 1.5708F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 5});
+  rig.Magic(MitMagic::kEnter);
+  rig.twin->AdvanceTo(1000 * kMs);
+  for (int ms = 1000; ms <= 1500; ++ms) {
+    rig.twin->AdvanceTo(ms * kMs);
+    for (const double rate : rig.twin->state().joint_velocities_rad_s)
+      EXPECT_LT(std::abs(rate), 2e-3) << ms;
+  }
+}
+
+TEST(TwinTime, APushInTheMiddleOfALongStepActsFromItsStartToItsEnd) {
+  TwinConfig config = LetGo();
+  config.pushes.push_back({.link = "middle",
+                           .start_s = 0.0123456,
+                           .duration_s = 0.0200001,
+                           .since_enabled = false,
+                           .force_n = {6, 0},
+                           .point_m = {0, 0}});
+  Rig rig(AloftTask(), config);
+  rig.twin->AdvanceTo(60 * kMs);
+  const Robot r = RobotOf(rig.twin->state());
+  // Middle and two legs, 1 and 0.4 kg.
+  EXPECT_NEAR(r.middle.vx + 0.4 * (r.leg1.vx + r.leg2.vx), 6 * 0.0200001, 1e-6);
+}
+
+TEST(TwinDrives, ATorqueWithinAStepIsThatOfTheStepThatWouldBeThere) {
+  for (const double lag_s : {0.0, 1e-3}) {
+    SimulatedMitConfig config;
+    config.mit.command_id = 1;
+    config.mit.reply_id = 17;
+    config.encoder_step_rad = 0;
+    config.torque_max_nm = 5;
+    config.base_speed_rad_s = 8;
+    config.no_load_speed_rad_s = 20;
+    config.torque_time_constant_s = lag_s;
+    SimulatedBus bus;
+    SimulatedPort& host = bus.Attach();
+    SimulatedMitDrive drive(config);
+    drive.AttachTo(bus);
+    ASSERT_EQ(host.Send(MitMagicFrame(config.mit, MitMagic::kEnter)), Status::kOk);
+    ASSERT_EQ(host.Send(EncodeMitCommand(config.mit, {1, 2, 30, 1, 0.5F})), Status::kOk);
+    bus.AdvanceTo(1 * kMs);
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> position(-2, 2), velocity(-15, 15);
+    int limited = 0;
+    for (std::int64_t t = 1 * kMs; t < 20 * kMs; t += 100'000) {
+      drive.Step(t, position(random), velocity(random));
+      const double q = position(random), v = velocity(random);
+      const double told = drive.TorqueAt(t + 50'000, q, v);
+      EXPECT_NEAR(told, drive.Step(t + 50'000, q, v), 1e-12);
+      limited += std::abs(told) > 4.99 ? 1 : 0;
+    }
+    EXPECT_LT(limited, 190);
+  }
+}
+
+TEST(TwinDrives, WhatAnEncoderDoesNotResolveStaysWithinAStep) {
+  SimulatedMitConfig config;
+  config.mit.command_id = 1;
+  config.mit.reply_id = 17;
+  config.encoder_step_rad = 0.01;
+  SimulatedBus bus;
+  SimulatedPort& host = bus.Attach();
+  SimulatedMitDrive drive(config);
+  drive.AttachTo(bus);
+  ASSERT_EQ(host.Send(MitMagicFrame(config.mit, MitMagic::kEnter)), Status::kOk);
+  ASSERT_EQ(host.Send(EncodeMitCommand(config.mit, {0, 0, 100, 1, 0})), Status::kOk);
+  bus.AdvanceTo(1 * kMs);
+  const double torque = drive.Step(1 * kMs, 0.0175, 0);
+  EXPECT_NEAR(torque, -100 * 0.01, 0.05) << "of the angle that the encoder reads";
+  EXPECT_EQ(drive.TorqueAt(1 * kMs + 50'000, 0.0175, 0), torque);
+  EXPECT_NEAR(drive.TorqueAt(1 * kMs + 50'000, 0.0225, 0), torque - 100 * 0.005, 0.05);
+}
+
+/// Notes when frames come.
+class Listener final : public SimulatedNode {
+ public:
+  void OnFrame(const ReceivedFrame& received, SimulatedPort& /*port*/) noexcept override {
+    if (Heeds(received.frame)) heard_ns.push_back(received.time_ns);
+  }
+  [[nodiscard]] bool Heeds(const CanFrame& frame) const noexcept override {
+    return frame.id % 3 == 0;
+  }
+  std::vector<std::int64_t> heard_ns;
+};
+
+TEST(TwinDrives, NoNodeHeedsAFrameBeforeTheTimeThatTheBusForetells) {
+  SimulatedBus bus;
+  Listener listener;
+  bus.Attach(listener);
+  SimulatedPort& one = bus.Attach();
+  SimulatedPort& other = bus.Attach();
+  std::mt19937 random(5);
+  int exact = 0;
+  for (int i = 0; i < 2000; ++i) {
+    for (SimulatedPort* port : {&one, &other}) {
+      if (random() % 3 != 0) continue;
+      CanFrame frame;
+      frame.id = random() % 64;
+      frame.size = static_cast<std::uint8_t>(random() % 9);
+      for (std::uint8_t& byte : frame.data) byte = static_cast<std::uint8_t>(random());
+      static_cast<void>(port->SendAfter(static_cast<std::int64_t>(random() % 200'000), frame));
+    }
+    const std::int64_t end_ns = bus.now_ns() + static_cast<std::int64_t>(random() % 400'000);
+    while (bus.now_ns() < end_ns) {
+      const std::int64_t foretold_ns = bus.NextDelivery();
+      const std::size_t heard = listener.heard_ns.size();
+      ASSERT_GT(foretold_ns, bus.now_ns());
+      if (foretold_ns > end_ns) {
+        bus.AdvanceTo(end_ns);
+        ASSERT_EQ(listener.heard_ns.size(), heard);
+        break;
+      }
+      bus.AdvanceTo(foretold_ns - 1);
+      ASSERT_EQ(listener.heard_ns.size(), heard);
+      bus.AdvanceTo(foretold_ns);
+      if (listener.heard_ns.size() > heard) ++exact;
+    }
+  }
+  EXPECT_EQ(static_cast<std::size_t>(exact), listener.heard_ns.size());
+  EXPECT_GT(exact, 200);
 }
 
 TEST(TwinSetUp, NeedsADriveForEveryJointAndAPositiveStep) {

@@ -27,9 +27,10 @@ class FollowingDrive final : public SimulatedDrive {
 
  protected:
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override { return {}; }
-  double Law(std::int64_t time_ns) noexcept override {
+  void Act(std::int64_t /*time_ns*/) noexcept override {}
+  [[nodiscard]] double Law(std::int64_t time_ns, const Shaft& shaft) const noexcept override {
     const auto [q, v] = path_(1e-9 * static_cast<double>(time_ns));
-    return 3e4 * (q - shaft_rad()) + 150 * (v - shaft_velocity_rad_s());
+    return 3e4 * (q - shaft.angle_rad) + 150 * (v - shaft.velocity_rad_s);
   }
 
  private:
