@@ -230,6 +230,9 @@ void CheckWritable(const std::string& path) {
 }
 
 void CheckFolderWritable(const std::string& path) {
+  if (path == "-")
+    throw FileError(path, 0, "",
+                    "a folder cannot be written to standard output; './-' is a folder");
   CheckFolderWritable(std::filesystem::absolute(path), path);
 }
 

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "common/files/toml_reader.h"
 #include "offline/pages/report_checks.h"
 
 namespace tumbler {
@@ -107,6 +108,8 @@ std::string FillPage(const std::string& page, std::string_view title, const Json
 }
 
 std::string PagePath(const std::string& out) {
+  if (out == "-")
+    throw FileError(out, 0, "", "a page cannot be written to standard output; './-' is a folder");
   if (std::filesystem::path(out).extension() == ".html") return out;
   return (std::filesystem::path(out) / "index.html").string();
 }

@@ -296,7 +296,7 @@ ExitStatus Check(const Arguments& arguments) {
   const RobotReview review = ReviewRobot(text, arguments.robot, RootOf(arguments), locked);
   for (const RobotFinding& mistake : review.mistakes) {
     fmt::print(
-        stderr, "error: {}\n",
+        stderr, "tumbler model: {}\n",
         Printable(FileError(arguments.robot, mistake.line, mistake.key, mistake.problem).what()));
   }
   if (!review.robot) return ExitStatus::kUnusable;
@@ -667,4 +667,6 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler model", argc, argv, tumbler::Main);
+}

@@ -119,7 +119,7 @@ TEST_F(BadInputFolder, EveryFileEndsTheOptimiserWithItsMessageAndChangesNothing)
     const bool of_task = !input.is_task() && input.message.starts_with("good");
     const std::string message =
         WithNames(of_task ? Replaced(input.message, "good", "task") : input.message);
-    EXPECT_THAT(text, EndsWith("error: " + message + "\n"));
+    EXPECT_THAT(text, EndsWith("tumbler optimize: " + message + "\n"));
     EXPECT_EQ(folder.Listing(), listing) << "files were left behind";
   }
   EXPECT_EQ(FilesOf(folder_.path()), before);
@@ -142,7 +142,7 @@ TEST_F(BadInputFolder, TheChecksOfARobotSayTheSame) {
                                              input.message + "\n"));
     } else {
       EXPECT_EQ(status, 1);
-      EXPECT_EQ(text, "error: " + input.message + "\n");
+      EXPECT_EQ(text, "tumbler model: " + input.message + "\n");
     }
   }
 }

@@ -416,6 +416,17 @@ TEST(OptimizeCli, AMotionWithoutTheFeedbackThatTheTaskAsksForIsNotWritten) {
   EXPECT_FALSE(std::filesystem::exists(folder / "m.toml"));
 }
 
+TEST(OptimizeCli, StandardOutputIsNoFolderForPages) {
+  const TaskFolder folder(EndlessSearch());
+  const auto before = folder.Listing();
+  Program program = Optimize(folder, {"--report", "-"});
+  EXPECT_EQ(program.Wait(), 1);
+  EXPECT_THAT(program.text(), HasSubstr("tumbler optimize: -: a page cannot be written to standard "
+                                        "output; './-' is a folder"));
+  EXPECT_FALSE(std::filesystem::exists("-"));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
 TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
   const TaskFolder folder(EndlessSearch());
   testing::WriteFile(folder / "file", "keep me");
@@ -428,7 +439,7 @@ TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
                                     std::string(folder / "tasks"), std::string("/dev/full")}) {
       Program program = Optimize(folder, {option, path});
       EXPECT_EQ(program.Wait(), 1) << path;
-      EXPECT_THAT(program.text(), HasSubstr("error: " + path + ": "));
+      EXPECT_THAT(program.text(), HasSubstr("tumbler optimize: " + path + ": "));
       EXPECT_THAT(program.text(), Not(HasSubstr("search "))) << "the work had begun";
     }
   }
@@ -436,7 +447,7 @@ TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
                                   std::string("/proc/report")}) {
     Program program = Optimize(folder, {"--report", path});
     EXPECT_EQ(program.Wait(), 1) << path;
-    EXPECT_THAT(program.text(), HasSubstr("error: " + path + ": "));
+    EXPECT_THAT(program.text(), HasSubstr("tumbler optimize: " + path + ": "));
     EXPECT_THAT(program.text(), Not(HasSubstr("search ")));
   }
   EXPECT_EQ(folder.Listing(), before);

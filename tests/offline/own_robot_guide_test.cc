@@ -80,7 +80,7 @@ TEST(OwnRobotGuide, FilesOfAnyNumberOfMotorsAreUsable) {
     for (const char* task : {"rise", "lie"}) {
       const Outcome loaded =
           In(made, std::string("tumbler optimize tasks/") + task + ".toml --out .");
-      EXPECT_EQ(loaded.text, "error: .: is a directory, not a file\n") << joints;
+      EXPECT_EQ(loaded.text, "tumbler optimize: .: is a directory, not a file\n") << joints;
     }
     const Outcome drives = In(made, "tumbler bench sim read --drives drives.toml");
     EXPECT_EQ(drives.exit_code, 0) << drives.text;
@@ -135,7 +135,7 @@ TEST(TumblerNew, FixesARobotThatDoesNotRestOnTheGroundAndRefusesOneThatNoTaskTak
   EXPECT_THAT(bare.text, HasSubstr("its root link is fixed, as it does not rest on the ground: it "
                                    "has no collision shape to stand on"));
   const Outcome loaded = In(folder / "bare", "tumbler optimize tasks/bend.toml --out .");
-  EXPECT_EQ(loaded.text, "error: .: is a directory, not a file\n");
+  EXPECT_EQ(loaded.text, "tumbler optimize: .: is a directory, not a file\n");
   const Outcome asked =
       make("asked", testing::ReplacedAll(urdf, "collision>", "visual>"), " --root planar-xz");
   EXPECT_EQ(asked.exit_code, 1);
