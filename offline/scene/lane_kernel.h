@@ -31,7 +31,7 @@ struct LaneWatch {
 /// bits, those of the kernel for one robot.
 template <class S>
 struct LaneKernel {
-  /// "one robot", "SSE2", "AVX2" or "AVX-512"
+  /// "one robot", "SSE2", "NEON", "AVX2" or "AVX-512"
   const char* name;
 
   /// Drives robots along setpoints, one for each joint and tick, joint by joint. A setpoint acts
