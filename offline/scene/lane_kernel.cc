@@ -12,6 +12,7 @@ const LaneKernel<Packet>& Avx512Kernel();
 
 const LaneKernel<double>& OneRobotKernel() {
   static constexpr LaneKernel<double> kernel{"one robot", DriveLanes<double, double>,
+                                             DriveLanesClassically<double, double>,
                                              PrescribeLanes<double, double>};
   return kernel;
 }
@@ -24,6 +25,7 @@ std::vector<const LaneKernel<Packet>*> PacketKernels() {
   constexpr const char* kPlain = "SSE2";
 #endif
   static constexpr LaneKernel<Packet> plain{kPlain, DriveLanes<Packet, Vector<2>>,
+                                            DriveLanesClassically<Packet, Vector<2>>,
                                             PrescribeLanes<Packet, Vector<2>>};
   std::vector<const LaneKernel<Packet>*> kernels;
 #if defined(__x86_64__)

@@ -10,6 +10,7 @@ namespace tumbler {
 const LaneKernel<Packet>& Avx2Kernel();
 const LaneKernel<Packet>& Avx2Kernel() {
   static constexpr LaneKernel<Packet> kernel{"AVX2", DriveLanes<Packet, Vector<4>>,
+                                             DriveLanesClassically<Packet, Vector<4>>,
                                              PrescribeLanes<Packet, Vector<4>>};
   return kernel;
 }

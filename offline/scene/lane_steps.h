@@ -117,6 +117,52 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   robots.Put(state_of_all, watch, joints, lanes);
 }
 
+/// LaneKernel::drive_classically likewise.
+template <class Tree, class S, class P>
+void DriveSomeClassically(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
+                          std::span<const LaneSetpoint<P>> setpoints, const HeldSetpoints<P>& held,
+                          LaneState<P>& state_of_all, LaneWatch<P>& watch, LanesFrom<S> lanes) {
+  // Of kClassical (tableau.h): where a stage is, and what it weighs.
+  constexpr std::array kPart = {0.5, 0.5, 1.0, 0.0}, kWeight = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
+  // A setpoint acts from the step on that begins with it, whatever rounding makes of its time.
+  constexpr double kRounding = 1e-6;
+  const Tree tree(model);
+  const std::size_t joints = tree.joints();
+  LaneProgress<S, P> robots(state_of_all, watch, joints, lanes);
+  LaneDynamics<S, P, Tree> dynamics(model, robot, lanes);
+  typename LaneDynamics<S, P, Tree>::Numbers tau, qdd;
+  LaneState<S> at, sum;
+  const double h_s = steps.tick_s / steps.per_tick;
+  const LaneSetpoint<P>* before = held.data();
+  for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
+    const LaneSetpoint<P>* const now = setpoints.data() + k;
+    for (int i = 0; i < steps.per_tick; ++i) {
+      const S since(h_s * i + kRounding * steps.tick_s);
+      at = sum = robots.state;
+      for (std::size_t s = 0; s < kPart.size(); ++s) {
+        tree.Outwards([&](auto body) __attribute__((always_inline)) {
+          const std::size_t j = body - 1;
+          tau[j + 3] =
+              LaneDriveLaw<S, P>(robot, j, lanes)
+                  .Torque(before[j], now[j], since, at.q[j + 3], at.v[j + 3], robots.torque[j]);
+        });
+        dynamics.Accelerate(at, tau, qdd);
+        const S part(h_s * kPart[s]), weight(h_s * kWeight[s]);
+        for (std::size_t d = 0; d < joints + 3; ++d) {
+          sum.q[d] += weight * at.v[d];
+          sum.v[d] += weight * qdd[d];
+          const S velocity = at.v[d];
+          at.q[d] = robots.state.q[d] + part * velocity;
+          at.v[d] = robots.state.v[d] + part * qdd[d];
+        }
+      }
+      robots.state = sum;
+    }
+    before = now;
+  }
+  robots.Put(state_of_all, watch, joints, lanes);
+}
+
 /// LaneKernel::prescribe likewise.
 template <class Tree, class S, class P>
 void PrescribeSome(const LaneModel& model, const LaneRobot<P>& robot, double step_s,
@@ -163,6 +209,15 @@ using OneJoint = KnownTree<0>;
 using TwoOnRoot = KnownTree<0, 0>;
 using TwoInARow = KnownTree<0, 1>;
 
+/// The setpoints that are held after these.
+template <class P>
+void TakeLast(const LaneModel& model, std::span<const LaneSetpoint<P>> setpoints,
+              HeldSetpoints<P>& held) {
+  const std::size_t whole = setpoints.size() / model.joints * model.joints;
+  if (whole == 0) return;
+  for (std::size_t j = 0; j < model.joints; ++j) held[j] = setpoints[whole - model.joints + j];
+}
+
 /// LaneKernel::drive with S, some lanes after the other.
 template <class P, class S>
 void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
@@ -174,9 +229,22 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSte
                                               : DriveSome<AnyTree, S, P>;
   for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
     drive(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
-  const std::size_t whole = setpoints.size() / model.joints * model.joints;
-  if (whole == 0) return;
-  for (std::size_t j = 0; j < model.joints; ++j) held[j] = setpoints[whole - model.joints + j];
+  TakeLast(model, setpoints, held);
+}
+
+/// LaneKernel::drive_classically likewise.
+template <class P, class S>
+void DriveLanesClassically(const LaneModel& model, const LaneRobot<P>& robot,
+                           const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
+                           HeldSetpoints<P>& held, LaneState<P>& state, std::size_t lanes) {
+  const auto drive = TwoOnRoot::IsOf(model)   ? DriveSomeClassically<TwoOnRoot, S, P>
+                     : TwoInARow::IsOf(model) ? DriveSomeClassically<TwoInARow, S, P>
+                     : OneJoint::IsOf(model)  ? DriveSomeClassically<OneJoint, S, P>
+                                              : DriveSomeClassically<AnyTree, S, P>;
+  LaneWatch<P> watch{};
+  for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
+    drive(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+  TakeLast(model, setpoints, held);
 }
 
 /// LaneKernel::prescribe likewise.
