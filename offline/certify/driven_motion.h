@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <span>
 #include <vector>
@@ -33,5 +34,17 @@ bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
                        std::span<const JointMotion<double>::Spline> feed_forward,
                        const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor);
+
+/// The same with several disturbances, each on a robot of its own, all at once in the lanes of
+/// vectors where lanes have the scene (MakeLaneScene), else one after the other. In lanes the
+/// visitor sees every millisecond only; numbers are rounded otherwise, so that a robot that is near
+/// a fall may fall in one and not in the other.
+/// @param visitor  is also told which of the disturbances it is; a robot goes on while it says so.
+/// @returns for each robot whether its state stayed plausible while it went on.
+std::vector<bool> PlayThroughDrives(
+    const Problem& problem, const std::vector<double>& x,
+    std::span<const JointMotion<double>::Spline> feed_forward,
+    std::span<const Disturbance> disturbances, double until_s,
+    const std::function<bool(std::size_t which, double, std::span<const double>)>& visitor);
 
 }  // namespace tumbler

@@ -206,29 +206,47 @@ class Looker {
   double speed_ = 0;
 };
 
+/// Sees whether a robot at rest stays where it is asked to be.
+class StayWatch {
+ public:
+  explicit StayWatch(const Problem& problem) : problem_(problem), at_rest_(problem.start_q.size()) {
+    const Instant start{problem.start_q, at_rest_};
+    for (const CostTerm& term : problem.cost) {
+      if (!AsksForValue(term) || term.of_velocity || term.when != CostTerm::When::kSettled)
+        continue;
+      asked_.push_back({&term, FigureOf(term, start, PurposeTarget::When::kLater)});
+    }
+  }
+
+  /// Where it does not, what it leaves; none else.
+  std::optional<SecondLook::Leaving> Leaves(double time_s, std::span<const double> q,
+                                            const Disturbance& disturbance) {
+    const double after_s = time_s - problem_.duration_s;
+    if (after_s < ExitAfter(problem_)) return {};
+    for (auto& [term, figure] : asked_) {
+      figure.result = term->Value({q, at_rest_, {}});
+      if (!figure.met()) return SecondLook::Leaving{after_s, figure, disturbance};
+    }
+    return {};
+  }
+
+ private:
+  const Problem& problem_;
+  std::vector<double> at_rest_;
+  std::vector<std::pair<const CostTerm*, PurposeFigure>> asked_;
+};
+
 /// Looks whether a robot at rest stays there. One that has a feedback in the hold is simulated with
 /// joints that are held exactly, with the solver's step: nothing is fast any more.
 /// @param torques  the plan's.
 void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
                         const TorqueSamples& torques, SecondLook& look) {
-  const std::vector<double> at_rest(problem.start_q.size());
-  Disturbance disturbance;
-  const auto stays = [&](double time_s, std::span<const double> q) {
-    const double after_s = time_s - problem.duration_s;
-    if (look.leaving || after_s < ExitAfter(problem)) return !look.leaving;
-    for (const CostTerm& term : problem.cost) {
-      if (!AsksForValue(term) || term.of_velocity || term.when != CostTerm::When::kSettled)
-        continue;
-      const PurposeFigure figure =
-          FigureOf(term, {{q.begin(), q.end()}, at_rest}, PurposeTarget::When::kLater);
-      if (!figure.met()) look.leaving = {after_s, figure, disturbance};
-    }
-    return !look.leaving;
-  };
+  StayWatch watch(problem);
   if (!PlayedThroughDrives(problem)) {
     Rollout rollout(problem, problem.solver.step_s);
-    rollout.Visit(x, kStays_s - problem.settle_s,
-                  [&](const MotionSample& sample) { stays(sample.time_s, sample.q); });
+    rollout.Visit(x, kStays_s - problem.settle_s, [&](const MotionSample& sample) {
+      if (!look.leaving) look.leaving = watch.Leaves(sample.time_s, sample.q, {});
+    });
     return;
   }
   look.drives = problem.drive_gains();
@@ -236,12 +254,22 @@ void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
   for (std::size_t j = 0; j < problem.joints.size(); ++j)
     feed_forward.push_back(FeedForward(problem, torques, j));
   const double until_s = problem.duration_s + kStays_s;
-  for (const Disturbance& each : kDisturbances) {
-    disturbance = each;
+  // What is told is the first disturbance by which the robot does not stay.
+  std::array<std::optional<SecondLook::Leaving>, kDisturbances.size()> leaving;
+  std::size_t last = kDisturbances.size();  // those from here on are of no interest
+  const auto stays = [&](std::size_t which, double time_s, std::span<const double> q) {
+    if (which >= last) return false;
+    leaving[which] = watch.Leaves(time_s, q, kDisturbances[which]);
+    if (leaving[which]) last = which;
+    return !leaving[which];
+  };
+  const std::vector<bool> plausible =
+      PlayThroughDrives(problem, x, feed_forward, kDisturbances, until_s, stays);
+  for (std::size_t i = 0; i < kDisturbances.size(); ++i) {
     // What leaves every plausible range is nowhere that can be said.
-    const bool plausible = PlayThroughDrives(problem, x, feed_forward, disturbance, until_s, stays);
-    if (!plausible) look.finite = false;
-    if (look.leaving || !plausible) return;
+    look.leaving = leaving[i];
+    look.finite = look.finite && plausible[i];
+    if (look.leaving || !plausible[i]) return;
   }
 }
 

@@ -13,17 +13,26 @@ inline namespace TUMBLER_LANES_NAMESPACE {
 template <class S>
 class LaneContact {
  public:
-  LaneContact(const LaneModel& model, const LaneRobot<S>& robot)
-      : model_(model),
-        robot_(robot),
-        per_width_(S(1) / (robot.d_on - robot.d_off)),
-        per_bend_(per_width_ / robot.stiffness),
-        per_v_max_(S(1) / robot.v_max) {}
+  /// @param lanes  those of the robots that S has.
+  template <class P>
+  LaneContact(const LaneModel& model, const LaneRobot<P>& robot, LanesFrom<S> lanes)
+      : smoothing_(model.smoothing),
+        damping_law_(model.damping_law),
+        k_(lanes(robot.stiffness)),
+        c_(lanes(robot.damping)),
+        mu_(lanes(robot.mu)),
+        d_on_(lanes(robot.d_on)),
+        per_d_on_(S(1) / d_on_),
+        per_width_(S(1) / (d_on_ - lanes(robot.d_off))),
+        per_bend_(per_width_ / k_),
+        per_v_max_(S(1) / lanes(robot.v_max)) {}
 
-  [[nodiscard]] ContactSmoothing smoothing() const { return model_.smoothing; }
-  [[nodiscard]] ContactDamping damping_law() const { return model_.damping_law; }
-  [[nodiscard]] const S& k() const { return robot_.stiffness; }
-  [[nodiscard]] const S& c() const { return robot_.damping; }
+  [[nodiscard]] ContactSmoothing smoothing() const { return smoothing_; }
+  [[nodiscard]] ContactDamping damping_law() const { return damping_law_; }
+  [[nodiscard]] const S& k() const { return k_; }
+  [[nodiscard]] const S& c() const { return c_; }
+  [[nodiscard]] const S& d_on() const { return d_on_; }
+  [[nodiscard]] const S& per_d_on() const { return per_d_on_; }
 
   static constexpr bool MayFade(const S& /*x*/) { return true; }
   [[nodiscard]] S FadingAt(const S& x) const { return Clamp(x * per_width_, S(0), S(1)); }
@@ -34,13 +43,13 @@ class LaneContact {
   /// The force of friction under a normal force, along the slip [m/s].
   [[nodiscard]] S Friction(const S& N, const S& slip) const {
     const bool pulls = damping_law() != ContactDamping::kNoPull;
-    return robot_.mu * (pulls ? Max(N, -N) : N) * FrictionShare(slip * per_v_max_);
+    return mu_ * (pulls ? Max(N, -N) : N) * FrictionShare(slip * per_v_max_);
   }
 
  private:
-  const LaneModel& model_;
-  const LaneRobot<S>& robot_;
-  S per_width_, per_bend_, per_v_max_;
+  ContactSmoothing smoothing_;
+  ContactDamping damping_law_;
+  S k_, c_, mu_, d_on_, per_d_on_, per_width_, per_bend_, per_v_max_;
 };
 
 }  // namespace TUMBLER_LANES_NAMESPACE

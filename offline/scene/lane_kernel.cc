@@ -12,13 +12,21 @@ const LaneKernel<Packet>& Avx512Kernel();
 
 const LaneKernel<double>& OneRobotKernel() {
   static constexpr LaneKernel<double> kernel{"one robot", DriveLanes<double, double>,
+                                             DriveLanesClassically<double, double>,
                                              PrescribeLanes<double, double>};
   return kernel;
 }
 
 std::vector<const LaneKernel<Packet>*> PacketKernels() {
-  static constexpr LaneKernel<Packet> plain{"SSE2", DriveLanes<Packet, Vectors<2>>,
-                                            PrescribeLanes<Packet, Vectors<2>>};
+  // Vectors of 16 bytes are what every processor of these has.
+#if defined(__aarch64__)
+  constexpr const char* kPlain = "NEON";
+#else
+  constexpr const char* kPlain = "SSE2";
+#endif
+  static constexpr LaneKernel<Packet> plain{kPlain, DriveLanes<Packet, Vector<2>>,
+                                            DriveLanesClassically<Packet, Vector<2>>,
+                                            PrescribeLanes<Packet, Vector<2>>};
   std::vector<const LaneKernel<Packet>*> kernels;
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx512f")) kernels.push_back(&Avx512Kernel());

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -31,7 +32,7 @@ struct LaneWatch {
 /// bits, those of the kernel for one robot.
 template <class S>
 struct LaneKernel {
-  /// "one robot", "SSE2", "AVX2" or "AVX-512"
+  /// "one robot", "SSE2", "NEON", "AVX2" or "AVX-512"
   const char* name;
 
   /// Drives robots along setpoints, one for each joint and tick, joint by joint. A setpoint acts
@@ -44,6 +45,14 @@ struct LaneKernel {
   void (*drive)(const LaneModel& model, const LaneRobot<S>& robot, const LaneSteps& steps,
                 std::span<const LaneSetpoint<S>> setpoints, HeldSetpoints<S>& held,
                 LaneState<S>& state, LaneWatch<S>& watch);
+
+  /// The same by the classical Runge-Kutta method, of which no step begins before its setpoint
+  /// acts: where that comes within a step, the one before acts to the step's end. Nothing is
+  /// watched.
+  /// @param lanes  how many of a packet's robots are to move, from the first on; the others may.
+  void (*drive_classically)(const LaneModel& model, const LaneRobot<S>& robot,
+                            const LaneSteps& steps, std::span<const LaneSetpoint<S>> setpoints,
+                            HeldSetpoints<S>& held, LaneState<S>& state, std::size_t lanes);
 
   /// Moves robots whose joints are prescribed exactly, as plans have them: setpoints are positions,
   /// velocities and accelerations for each joint and step.

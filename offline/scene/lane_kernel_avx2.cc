@@ -9,8 +9,9 @@ namespace tumbler {
 
 const LaneKernel<Packet>& Avx2Kernel();
 const LaneKernel<Packet>& Avx2Kernel() {
-  static constexpr LaneKernel<Packet> kernel{"AVX2", DriveLanes<Packet, Vectors<4>>,
-                                             PrescribeLanes<Packet, Vectors<4>>};
+  static constexpr LaneKernel<Packet> kernel{"AVX2", DriveLanes<Packet, Vector<4>>,
+                                             DriveLanesClassically<Packet, Vector<4>>,
+                                             PrescribeLanes<Packet, Vector<4>>};
   return kernel;
 }
 

@@ -9,8 +9,9 @@ namespace tumbler {
 
 const LaneKernel<Packet>& Avx512Kernel();
 const LaneKernel<Packet>& Avx512Kernel() {
-  static constexpr LaneKernel<Packet> kernel{"AVX-512", DriveLanes<Packet, Vectors<8>>,
-                                             PrescribeLanes<Packet, Vectors<8>>};
+  static constexpr LaneKernel<Packet> kernel{"AVX-512", DriveLanes<Packet, Vector<8>>,
+                                             DriveLanesClassically<Packet, Vector<8>>,
+                                             PrescribeLanes<Packet, Vector<8>>};
   return kernel;
 }
 

@@ -25,7 +25,10 @@ struct LaneModel {
   std::array<std::size_t, kMaxBodies> parent{};  ///< Body that carries a body; of the root: itself.
   std::array<double, kMaxBodies> axis{};         ///< +1 about -y, -1 about +y.
   std::size_t points = 0;                        ///< Contact points, each with a radius.
+  /// Those of one body follow each other, the root's first.
   std::array<std::size_t, kMaxPoints> point_body{};
+  /// The first point of each body or of the next that has one, and behind them `points`.
+  std::array<std::size_t, kMaxBodies + 1> first_point{};
   std::size_t grounds = 0;  ///< Half-spaces.
   std::size_t stones = 0;   ///< All other obstacles.
   /// Whether a bar holds the root's x and z.

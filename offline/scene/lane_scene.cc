@@ -58,13 +58,18 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
 }
 
 void AddPoints(const Scene& scene, LaneScene& lanes) {
-  for (const ContactShape<Plane>& shape : scene.robot.shapes) {
-    for (const Plane::Vector& vertex : CoreVertices(shape.shape)) {
-      RequireRoom(lanes.model.points + 1, LaneModel::kMaxPoints, "contact points");
-      lanes.model.point_body[lanes.model.points] = Index(shape.body) - 2;
-      lanes.robot.points[lanes.model.points++] = {vertex.x(), vertex.y(), shape.shape.radius_m};
+  for (std::size_t body = 0; body <= lanes.model.joints; ++body) {
+    lanes.model.first_point[body] = lanes.model.points;
+    for (const ContactShape<Plane>& shape : scene.robot.shapes) {
+      if (Index(shape.body) != body + 2) continue;
+      for (const Plane::Vector& vertex : CoreVertices(shape.shape)) {
+        RequireRoom(lanes.model.points + 1, LaneModel::kMaxPoints, "contact points");
+        lanes.model.point_body[lanes.model.points] = body;
+        lanes.robot.points[lanes.model.points++] = {vertex.x(), vertex.y(), shape.shape.radius_m};
+      }
     }
   }
+  lanes.model.first_point[lanes.model.joints + 1] = lanes.model.points;
 }
 
 /// An obstacle that is no half-space. Its near point is that of a sphere.

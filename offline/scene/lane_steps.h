@@ -1,6 +1,6 @@
 #pragma once
 
-#include <bit>
+#include <array>
 #include <cstddef>
 #include <span>
 
@@ -8,94 +8,256 @@
 #include "offline/scene/joint_stop.h"
 #include "offline/scene/lane_dynamics.h"
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_tree.h"
 #include "offline/scene/motor.h"
 
 namespace tumbler {
 inline namespace TUMBLER_LANES_NAMESPACE {
 
-/// Adapts LaneKernel::drive, whose numbers are P, to vectors S of the same size.
-template <class P, class S>
-void DriveLanes(const LaneModel& model, const LaneRobot<P>& given, const LaneSteps& steps,
-                std::span<const LaneSetpoint<P>> setpoints, HeldSetpoints<P>& held_before,
-                LaneState<P>& state_before, LaneWatch<P>& watched) {
-  const auto robot = std::bit_cast<LaneRobot<S>>(given);
-  auto held = std::bit_cast<HeldSetpoints<S>>(held_before);
-  auto state = std::bit_cast<LaneState<S>>(state_before);
-  auto watch = std::bit_cast<LaneWatch<S>>(watched);
-  LaneDynamics<S> dynamics(model, robot);
-  typename LaneDynamics<S>::Numbers tau{}, qdd{};
-  const std::size_t joints = model.joints;
+/// The torque of a joint's drive, friction and stop, at the integration steps of robots in lanes.
+template <class S, class P>
+class LaneDriveLaw {
+ public:
+  LaneDriveLaw(const LaneRobot<P>& robot, std::size_t joint, LanesFrom<S> lanes)
+      : r_(robot),
+        drive_(robot.joints[joint]),
+        lanes_(lanes),
+        rubs_(Any(S(0) < lanes(drive_.dry_friction))) {}
+
+  /// @param late     where the setpoint of the tick before still acts.
+  /// @param largest  takes the largest |torque| of the motor.
+  [[gnu::always_inline]] S Torque(const LaneSetpoint<P>& before, const LaneSetpoint<P>& now,
+                                  const S& since, const S& q, const S& v, S& largest) const {
+    const auto late = since < lanes_(drive_.delay);
+    const S wanted = ImpedanceTorque<S>(
+        lanes_(drive_.kp),
+        Select(late, lanes_(before.position), lanes_(now.position)) -
+            (q + lanes_(drive_.zero_error)),
+        lanes_(drive_.kd), Select(late, lanes_(before.velocity), lanes_(now.velocity)) - v,
+        lanes_(drive_.feed_forward) * Select(late, lanes_(before.third), lanes_(now.third)));
+    const S limit = lanes_(drive_.torque_max);
+    const S torque = Clamp(wanted, -limit, limit);
+    largest = Max(largest, Max(torque, -torque));
+    // What adds nothing in any lane is left out.
+    const S moving = rubs_ ? torque - lanes_(drive_.dry_friction) * DryFrictionShare(v) : torque;
+    const S lower = lanes_(drive_.lower), upper = lanes_(drive_.upper);
+    if (!Any((upper < q) | (q < lower))) return moving + S(0);
+    const JointStop<S> stop{lanes_(r_.stop_stiffness), lanes_(r_.stop_damping), lower, upper};
+    return moving + stop.Torque(q, v);
+  }
+
+ private:
+  const LaneRobot<P>& r_;
+  const typename LaneRobot<P>::Joint& drive_;
+  LanesFrom<S> lanes_;
+  bool rubs_;
+};
+
+/// State and watch of robots in lanes, taken from packets, and put back.
+template <class S, class P>
+struct LaneProgress {
+  LaneState<S> state;
+  S root_speed, depth;
+  std::array<S, LaneModel::kMaxJoints> torque;
+
+  LaneProgress(const LaneState<P>& from, const LaneWatch<P>& watch, std::size_t joints,
+               LanesFrom<S> lanes)
+      : root_speed(lanes(watch.root_speed)), depth(lanes(watch.depth)) {
+    for (std::size_t d = 0; d < joints + 3; ++d) {
+      state.q[d] = lanes(from.q[d]);
+      state.v[d] = lanes(from.v[d]);
+    }
+    for (std::size_t j = 0; j < joints; ++j) torque[j] = lanes(watch.torque[j]);
+  }
+  void Put(LaneState<P>& to, LaneWatch<P>& watch, std::size_t joints, LanesFrom<S> lanes) const {
+    lanes.Put(root_speed, watch.root_speed);
+    lanes.Put(depth, watch.depth);
+    for (std::size_t d = 0; d < joints + 3; ++d) {
+      lanes.Put(state.q[d], to.q[d]);
+      lanes.Put(state.v[d], to.v[d]);
+    }
+    for (std::size_t j = 0; j < joints; ++j) lanes.Put(torque[j], watch.torque[j]);
+  }
+};
+
+/// LaneKernel::drive for some lanes of packets P, with S and a tree that the model has.
+template <class Tree, class S, class P>
+void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
+               std::span<const LaneSetpoint<P>> setpoints, const HeldSetpoints<P>& held,
+               LaneState<P>& state_of_all, LaneWatch<P>& watch, LanesFrom<S> lanes) {
+  const Tree tree(model);
+  const std::size_t joints = tree.joints();
+  LaneProgress<S, P> robots(state_of_all, watch, joints, lanes);
+  LaneDynamics<S, P, Tree> dynamics(model, robot, lanes);
+  typename LaneDynamics<S, P, Tree>::Numbers tau, qdd;
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
+  const LaneSetpoint<P>* before = held.data();
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
-    HeldSetpoints<S> tick;
-    for (std::size_t j = 0; j < joints; ++j)
-      tick[j] = std::bit_cast<LaneSetpoint<S>>(setpoints[k + j]);
+    const LaneSetpoint<P>* const now = setpoints.data() + k;
     for (int i = 0; i < steps.per_tick; ++i) {
       const S since(h_s * (i + 0.5));
-      for (std::size_t j = 0; j < joints; ++j) {
-        const auto& drive = robot.joints[j];
-        const auto& before = held[j];
-        const auto& now = tick[j];
-        const auto late = since < drive.delay;
-        const S q = state.q[j + 3], v = state.v[j + 3];
-        const S wanted = ImpedanceTorque<S>(
-            drive.kp, Select(late, before.position, now.position) - (q + drive.zero_error),
-            drive.kd, Select(late, before.velocity, now.velocity) - v,
-            drive.feed_forward * Select(late, before.third, now.third));
-        const S torque = Clamp(wanted, -drive.torque_max, drive.torque_max);
-        watch.torque[j] = Max(watch.torque[j], Max(torque, -torque));
-        const JointStop<S> stop{robot.stop_stiffness, robot.stop_damping, drive.lower, drive.upper};
-        tau[j + 3] = torque - drive.dry_friction * DryFrictionShare(v) + stop.Torque(q, v);
-      }
-      dynamics.Accelerate(state, tau, qdd);
-      watch.depth = Max(watch.depth, dynamics.depth());
+      tree.Outwards([&](auto body) __attribute__((always_inline)) {
+        const std::size_t j = body - 1;
+        tau[j + 3] = LaneDriveLaw<S, P>(robot, j, lanes)
+                         .Torque(before[j], now[j], since, robots.state.q[j + 3],
+                                 robots.state.v[j + 3], robots.torque[j]);
+      });
+      dynamics.Accelerate(robots.state, tau, qdd);
+      robots.depth = Max(robots.depth, dynamics.depth());
       for (std::size_t d = 0; d < joints + 3; ++d) {
-        state.v[d] += h * qdd[d];
-        state.q[d] += h * state.v[d];
+        robots.state.v[d] += h * qdd[d];
+        robots.state.q[d] += h * robots.state.v[d];
       }
       for (std::size_t d = 0; d < 3; ++d)
-        watch.root_speed = Max(watch.root_speed, Max(state.v[d], -state.v[d]));
+        robots.root_speed = Max(robots.root_speed, Max(robots.state.v[d], -robots.state.v[d]));
     }
-    held = tick;
+    before = now;
   }
-  held_before = std::bit_cast<HeldSetpoints<P>>(held);
-  state_before = std::bit_cast<LaneState<P>>(state);
-  watched = std::bit_cast<LaneWatch<P>>(watch);
+  robots.Put(state_of_all, watch, joints, lanes);
 }
 
-/// Adapts LaneKernel::prescribe likewise.
-template <class P, class S>
-void PrescribeLanes(const LaneModel& model, const LaneRobot<P>& given, double step_s,
-                    std::span<const LaneSetpoint<P>> setpoints, LaneState<P>& state_before,
-                    LaneWatch<P>& watched, std::span<P> torques) {
-  const auto robot = std::bit_cast<LaneRobot<S>>(given);
-  auto state = std::bit_cast<LaneState<S>>(state_before);
-  auto watch = std::bit_cast<LaneWatch<S>>(watched);
-  LaneDynamics<S> dynamics(model, robot);
-  typename LaneDynamics<S>::Numbers tau{}, qdd{};
-  const std::size_t joints = model.joints;
+/// LaneKernel::drive_classically likewise.
+template <class Tree, class S, class P>
+void DriveSomeClassically(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
+                          std::span<const LaneSetpoint<P>> setpoints, const HeldSetpoints<P>& held,
+                          LaneState<P>& state_of_all, LaneWatch<P>& watch, LanesFrom<S> lanes) {
+  // Of kClassical (tableau.h): where a stage is, and what it weighs.
+  constexpr std::array kPart = {0.5, 0.5, 1.0, 0.0}, kWeight = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
+  // A setpoint acts from the step on that begins with it, whatever rounding makes of its time.
+  constexpr double kRounding = 1e-6;
+  const Tree tree(model);
+  const std::size_t joints = tree.joints();
+  LaneProgress<S, P> robots(state_of_all, watch, joints, lanes);
+  LaneDynamics<S, P, Tree> dynamics(model, robot, lanes);
+  typename LaneDynamics<S, P, Tree>::Numbers tau, qdd;
+  LaneState<S> at, sum;
+  const double h_s = steps.tick_s / steps.per_tick;
+  const LaneSetpoint<P>* before = held.data();
+  for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
+    const LaneSetpoint<P>* const now = setpoints.data() + k;
+    for (int i = 0; i < steps.per_tick; ++i) {
+      const S since(h_s * i + kRounding * steps.tick_s);
+      at = sum = robots.state;
+      for (std::size_t s = 0; s < kPart.size(); ++s) {
+        tree.Outwards([&](auto body) __attribute__((always_inline)) {
+          const std::size_t j = body - 1;
+          tau[j + 3] =
+              LaneDriveLaw<S, P>(robot, j, lanes)
+                  .Torque(before[j], now[j], since, at.q[j + 3], at.v[j + 3], robots.torque[j]);
+        });
+        dynamics.Accelerate(at, tau, qdd);
+        const S part(h_s * kPart[s]), weight(h_s * kWeight[s]);
+        for (std::size_t d = 0; d < joints + 3; ++d) {
+          sum.q[d] += weight * at.v[d];
+          sum.v[d] += weight * qdd[d];
+          const S velocity = at.v[d];
+          at.q[d] = robots.state.q[d] + part * velocity;
+          at.v[d] = robots.state.v[d] + part * qdd[d];
+        }
+      }
+      robots.state = sum;
+    }
+    before = now;
+  }
+  robots.Put(state_of_all, watch, joints, lanes);
+}
+
+/// LaneKernel::prescribe likewise.
+template <class Tree, class S, class P>
+void PrescribeSome(const LaneModel& model, const LaneRobot<P>& robot, double step_s,
+                   std::span<const LaneSetpoint<P>> setpoints, LaneState<P>& state_of_all,
+                   LaneWatch<P>& watch, std::span<P> torques, LanesFrom<S> lanes) {
+  const Tree tree(model);
+  const std::size_t joints = tree.joints();
+  LaneProgress<S, P> robots(state_of_all, watch, joints, lanes);
+  LaneDynamics<S, P, Tree> dynamics(model, robot, lanes);
+  typename LaneDynamics<S, P, Tree>::Numbers tau, qdd;
   const S h(step_s);
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
-    for (std::size_t j = 0; j < joints; ++j) {
-      const auto now = std::bit_cast<LaneSetpoint<S>>(setpoints[k + j]);
-      state.q[j + 3] = now.position;
-      state.v[j + 3] = now.velocity;
-      qdd[j + 3] = now.third;
-    }
-    dynamics.AcceleratePrescribed(state, tau, qdd);
-    watch.depth = Max(watch.depth, dynamics.depth());
-    for (std::size_t j = 0; j < joints; ++j) {
-      watch.torque[j] = Max(watch.torque[j], Max(tau[j + 3], -tau[j + 3]));
-      torques[k + j] = std::bit_cast<P>(tau[j + 3]);
-    }
+    tree.Outwards([&](auto body) __attribute__((always_inline)) {
+      const std::size_t j = body - 1;
+      const LaneSetpoint<P>& now = setpoints[k + j];
+      robots.state.q[j + 3] = lanes(now.position);
+      robots.state.v[j + 3] = lanes(now.velocity);
+      qdd[j + 3] = lanes(now.third);
+    });
+    dynamics.AcceleratePrescribed(robots.state, tau, qdd);
+    robots.depth = Max(robots.depth, dynamics.depth());
+    tree.Outwards([&](auto body) __attribute__((always_inline)) {
+      const std::size_t j = body - 1;
+      robots.torque[j] = Max(robots.torque[j], Max(tau[j + 3], -tau[j + 3]));
+      lanes.Put(tau[j + 3], torques[k + j]);
+    });
     for (std::size_t d = 0; d < 3; ++d) {
-      state.v[d] += h * qdd[d];
-      state.q[d] += h * state.v[d];
+      robots.state.v[d] += h * qdd[d];
+      robots.state.q[d] += h * robots.state.v[d];
     }
   }
-  state_before = std::bit_cast<LaneState<P>>(state);
-  watched = std::bit_cast<LaneWatch<P>>(watch);
+  robots.Put(state_of_all, watch, joints, lanes);
+}
+
+/// How many lanes a packet P has.
+template <class P>
+inline constexpr std::size_t kLanesOf = P::kLanes;
+template <>
+inline constexpr std::size_t kLanesOf<double> = 1;
+
+/// The trees that are compiled for: one joint, two on the root, and two in a row. All others are
+/// asked for when they run.
+using OneJoint = KnownTree<0>;
+using TwoOnRoot = KnownTree<0, 0>;
+using TwoInARow = KnownTree<0, 1>;
+
+/// The setpoints that are held after these.
+template <class P>
+void TakeLast(const LaneModel& model, std::span<const LaneSetpoint<P>> setpoints,
+              HeldSetpoints<P>& held) {
+  const std::size_t whole = setpoints.size() / model.joints * model.joints;
+  if (whole == 0) return;
+  for (std::size_t j = 0; j < model.joints; ++j) held[j] = setpoints[whole - model.joints + j];
+}
+
+/// LaneKernel::drive with S, some lanes after the other.
+template <class P, class S>
+void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
+                std::span<const LaneSetpoint<P>> setpoints, HeldSetpoints<P>& held,
+                LaneState<P>& state, LaneWatch<P>& watch) {
+  const auto drive = TwoOnRoot::IsOf(model)   ? DriveSome<TwoOnRoot, S, P>
+                     : TwoInARow::IsOf(model) ? DriveSome<TwoInARow, S, P>
+                     : OneJoint::IsOf(model)  ? DriveSome<OneJoint, S, P>
+                                              : DriveSome<AnyTree, S, P>;
+  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+    drive(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+  TakeLast(model, setpoints, held);
+}
+
+/// LaneKernel::drive_classically likewise.
+template <class P, class S>
+void DriveLanesClassically(const LaneModel& model, const LaneRobot<P>& robot,
+                           const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
+                           HeldSetpoints<P>& held, LaneState<P>& state, std::size_t lanes) {
+  const auto drive = TwoOnRoot::IsOf(model)   ? DriveSomeClassically<TwoOnRoot, S, P>
+                     : TwoInARow::IsOf(model) ? DriveSomeClassically<TwoInARow, S, P>
+                     : OneJoint::IsOf(model)  ? DriveSomeClassically<OneJoint, S, P>
+                                              : DriveSomeClassically<AnyTree, S, P>;
+  LaneWatch<P> watch{};
+  for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
+    drive(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+  TakeLast(model, setpoints, held);
+}
+
+/// LaneKernel::prescribe likewise.
+template <class P, class S>
+void PrescribeLanes(const LaneModel& model, const LaneRobot<P>& robot, double step_s,
+                    std::span<const LaneSetpoint<P>> setpoints, LaneState<P>& state,
+                    LaneWatch<P>& watch, std::span<P> torques) {
+  const auto prescribe = TwoOnRoot::IsOf(model)   ? PrescribeSome<TwoOnRoot, S, P>
+                         : TwoInARow::IsOf(model) ? PrescribeSome<TwoInARow, S, P>
+                         : OneJoint::IsOf(model)  ? PrescribeSome<OneJoint, S, P>
+                                                  : PrescribeSome<AnyTree, S, P>;
+  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+    prescribe(model, robot, step_s, setpoints, state, watch, torques, LanesFrom<S>(first));
 }
 
 }  // namespace TUMBLER_LANES_NAMESPACE

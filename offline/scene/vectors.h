@@ -31,81 +31,167 @@ struct NativeVector<8> {
   using Bits = long long __attribute__((vector_size(64)));
 };
 
-/// The numbers of a packet in vectors of `kWidth` numbers each, which are computed with as one. The
-/// compiler turns the operations into those of the processor's vectors. Every lane gets the bits
-/// that the same operations on a double give: IEEE 754 rounds each lane alone, and nothing here
-/// crosses lanes.
+/// Whether any of a vector's integers, of which all bits are set or none, is not zero.
+template <class Bits>
+[[gnu::always_inline]] inline bool AnySet(const Bits& bits) {
+#if defined(__AVX__)
+  if constexpr (sizeof(Bits) == 32)
+    return __builtin_ia32_movmskpd256(std::bit_cast<NativeVector<4>::Numbers>(bits)) != 0;
+#endif
+#if defined(__SSE2__)
+  if constexpr (sizeof(Bits) == 16)
+    return __builtin_ia32_movmskpd(std::bit_cast<NativeVector<2>::Numbers>(bits)) != 0;
+#endif
+  using Pair = typename NativeVector<2>::Bits;
+  const auto pairs = std::bit_cast<std::array<Pair, sizeof(Bits) / sizeof(Pair)>>(bits);
+  Pair any = pairs[0];
+  for (std::size_t i = 1; i < pairs.size(); ++i) any |= pairs[i];
+  return (any[0] | any[1]) != 0;
+}
+
+/// Turns a sine and a cosine by so many quarters, which are whole numbers. They are exchanged where
+/// the number is odd; the sine's sign changes with the bit of 2, the cosine's with that of one
+/// more. Numbers are a double or a vector of these, Bits as many integers.
+template <class Numbers, class Bits>
+[[gnu::always_inline]] inline void TurnByQuarters(const Numbers& quarters, Numbers& sine,
+                                                  Numbers& cosine) {
+  // 1.5 * 2^52 has the last bit of a whole number where that of an integer is.
+  const Bits n = std::bit_cast<Bits>(quarters + 6755399441055744.0);
+  const Bits odd = n << 63;
+  const Numbers s = odd < 0 ? cosine : sine, c = odd < 0 ? sine : cosine;
+  sine = std::bit_cast<Numbers>(std::bit_cast<Bits>(s) ^ ((n & 2) << 62));
+  cosine = std::bit_cast<Numbers>(std::bit_cast<Bits>(c) ^ (((n + 1) & 2) << 62));
+}
+inline void TurnByQuarters(double quarters, double& sine, double& cosine) {
+  TurnByQuarters<double, long long>(quarters, sine, cosine);
+}
+
+/// Lanes of a packet in one vector, which are computed with as one. The compiler turns the
+/// operations into those of the processor's vectors. Every lane gets the bits that the same
+/// operations on a double give: IEEE 754 rounds each lane alone, and nothing here crosses lanes.
 template <std::size_t kWidth>
-struct alignas(Packet) Vectors {
-  static constexpr std::size_t kParts = Packet::kLanes / kWidth;
-  using Vector = typename NativeVector<kWidth>::Numbers;
+struct Vector {
+  static constexpr std::size_t kLanes = kWidth;
+  using Numbers = typename NativeVector<kWidth>::Numbers;
   using Bits = typename NativeVector<kWidth>::Bits;
   /// One truth value for each lane.
   struct Mask {
-    Bits part[kParts];
+    Bits bits;
+    friend Mask operator|(const Mask& a, const Mask& b) { return {a.bits | b.bits}; }
   };
 
-  Vector part[kParts];
+  Numbers numbers;
 
-  Vectors() = default;
+  Vector() = default;
+  explicit Vector(const Numbers& these) : numbers(these) {}
   /// The same number in all lanes.
-  explicit Vectors(double all) {
-    for (Vector& p : part) p = all - Vector{};
+  explicit Vector(double all) : numbers(all - Numbers{}) {}
+  /// Those of a packet from lane `first` on.
+  static Vector Of(const Packet& packet, std::size_t first) {
+    Vector v;
+    __builtin_memcpy(&v.numbers, &packet.lanes[first], sizeof(Numbers));
+    return v;
+  }
+  void Put(Packet& packet, std::size_t first) const {
+    __builtin_memcpy(&packet.lanes[first], &numbers, sizeof(Numbers));
   }
 
-  friend Vectors operator+(const Vectors& a, const Vectors& b) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) c.part[i] = a.part[i] + b.part[i];
-    return c;
+  friend Vector operator+(const Vector& a, const Vector& b) {
+    return Vector(a.numbers + b.numbers);
   }
-  friend Vectors operator-(const Vectors& a, const Vectors& b) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) c.part[i] = a.part[i] - b.part[i];
-    return c;
+  friend Vector operator-(const Vector& a, const Vector& b) {
+    return Vector(a.numbers - b.numbers);
   }
-  friend Vectors operator*(const Vectors& a, const Vectors& b) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) c.part[i] = a.part[i] * b.part[i];
-    return c;
+  friend Vector operator*(const Vector& a, const Vector& b) {
+    return Vector(a.numbers * b.numbers);
   }
-  friend Vectors operator/(const Vectors& a, const Vectors& b) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) c.part[i] = a.part[i] / b.part[i];
-    return c;
+  friend Vector operator/(const Vector& a, const Vector& b) {
+    return Vector(a.numbers / b.numbers);
   }
-  friend Vectors operator-(const Vectors& a) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) c.part[i] = -a.part[i];
-    return c;
-  }
-  Vectors& operator+=(const Vectors& b) { return *this = *this + b; }
-  Vectors& operator-=(const Vectors& b) { return *this = *this - b; }
-  friend Mask operator<(const Vectors& a, const Vectors& b) {
-    Mask mask;
-    for (std::size_t i = 0; i < kParts; ++i) mask.part[i] = a.part[i] < b.part[i];
-    return mask;
-  }
+  friend Vector operator-(const Vector& a) { return Vector(-a.numbers); }
+  Vector& operator+=(const Vector& b) { return *this = *this + b; }
+  Vector& operator-=(const Vector& b) { return *this = *this - b; }
+  friend Mask operator<(const Vector& a, const Vector& b) { return {a.numbers < b.numbers}; }
 
   /// `a` where the mask is set, else `b`.
-  friend Vectors Select(const Mask& mask, const Vectors& a, const Vectors& b) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) c.part[i] = mask.part[i] ? a.part[i] : b.part[i];
-    return c;
+  friend Vector Select(const Mask& mask, const Vector& a, const Vector& b) {
+    return Vector(mask.bits ? a.numbers : b.numbers);
   }
-  friend Vectors Sqrt(const Vectors& a) {
-    Vectors c;
-    for (std::size_t i = 0; i < kParts; ++i) {
-      for (std::size_t k = 0; k < kWidth; ++k) c.part[i][k] = __builtin_sqrt(a.part[i][k]);
-    }
+  friend Vector Sqrt(const Vector& a) {
+    Vector c;
+    for (std::size_t k = 0; k < kWidth; ++k) c.numbers[k] = __builtin_sqrt(a.numbers[k]);
     return c;
   }
   /// Whether any lane of the mask is set.
-  friend bool Any(const Mask& mask) {
-    using Two = typename NativeVector<2>::Bits;
-    const auto twos = std::bit_cast<std::array<Two, Packet::kLanes / 2>>(mask);
-    const Two any = (twos[0] | twos[1]) | (twos[2] | twos[3]);
-    return (any[0] | any[1]) != 0;
+  friend bool Any(const Mask& mask) { return AnySet(mask.bits); }
+  /// Turns a sine and a cosine by so many quarters, whole numbers.
+  friend void TurnByQuarters(const Vector& quarters, Vector& sine, Vector& cosine) {
+    TurnByQuarters<Numbers, Bits>(quarters.numbers, sine.numbers, cosine.numbers);
   }
+};
+
+/// Twice the lanes, in two vectors that are computed with in turn: one's operations fill the time
+/// that the other's take.
+template <class V>
+struct Two {
+  static constexpr std::size_t kLanes = 2 * V::kLanes;
+  struct Mask {
+    typename V::Mask low, high;
+    friend Mask operator|(const Mask& a, const Mask& b) { return {a.low | b.low, a.high | b.high}; }
+  };
+
+  V low, high;
+
+  Two() = default;
+  Two(const V& a, const V& b) : low(a), high(b) {}
+  explicit Two(double all) : low(all), high(all) {}
+  static Two Of(const Packet& packet, std::size_t first) {
+    return {V::Of(packet, first), V::Of(packet, first + V::kLanes)};
+  }
+  void Put(Packet& packet, std::size_t first) const {
+    low.Put(packet, first);
+    high.Put(packet, first + V::kLanes);
+  }
+
+  friend Two operator+(const Two& a, const Two& b) { return {a.low + b.low, a.high + b.high}; }
+  friend Two operator-(const Two& a, const Two& b) { return {a.low - b.low, a.high - b.high}; }
+  friend Two operator*(const Two& a, const Two& b) { return {a.low * b.low, a.high * b.high}; }
+  friend Two operator/(const Two& a, const Two& b) { return {a.low / b.low, a.high / b.high}; }
+  friend Two operator-(const Two& a) { return {-a.low, -a.high}; }
+  Two& operator+=(const Two& b) { return *this = *this + b; }
+  Two& operator-=(const Two& b) { return *this = *this - b; }
+  friend Mask operator<(const Two& a, const Two& b) { return {a.low < b.low, a.high < b.high}; }
+  friend Two Select(const Mask& mask, const Two& a, const Two& b) {
+    return {Select(mask.low, a.low, b.low), Select(mask.high, a.high, b.high)};
+  }
+  friend Two Sqrt(const Two& a) { return {Sqrt(a.low), Sqrt(a.high)}; }
+  friend bool Any(const Mask& mask) { return Any(mask.low | mask.high); }
+  friend void TurnByQuarters(const Two& quarters, Two& sine, Two& cosine) {
+    TurnByQuarters(quarters.low, sine.low, cosine.low);
+    TurnByQuarters(quarters.high, sine.high, cosine.high);
+  }
+};
+
+/// Lanes of packets, as many as S has, as S.
+template <class S>
+class LanesFrom {
+ public:
+  static constexpr std::size_t kLanes = S::kLanes;
+  explicit LanesFrom(std::size_t first) : first_(first) {}
+  S operator()(const Packet& packet) const { return S::Of(packet, first_); }
+  void Put(const S& numbers, Packet& packet) const { numbers.Put(packet, first_); }
+
+ private:
+  std::size_t first_;
+};
+/// One robot has no lanes.
+template <>
+class LanesFrom<double> {
+ public:
+  static constexpr std::size_t kLanes = 1;
+  explicit LanesFrom(std::size_t /*first*/) {}
+  double operator()(double number) const { return number; }
+  void Put(double number, double& to) const { to = number; }
 };
 
 /// Sine and cosine of an angle [rad], for |angle| < 1e5: the same operations in every lane, and the
@@ -116,18 +202,9 @@ struct SineAndCosine {
 
   explicit SineAndCosine(const S& angle) {
     const auto [quarters, s, c] = portable::SineAndCosineInQuarter(angle);
-    const S to_integer(6755399441055744.0);  // 1.5 * 2^52: adding it rounds to an integer
-    // The quadrant, -2 ... 2, of which -2 and 2 are the same.
-    const S turns = (quarters * S(0.25) + to_integer) - to_integer;
-    const S quadrant = quarters - S(4) * turns;
-    const S magnitude = Max(quadrant, -quadrant);
-    const auto odd = (magnitude - S(1)) * (magnitude - S(1)) < S(0.25);
-    const S sine_sign = Select(S(1.5) < magnitude, S(-1), S(1)) *
-                        Select(quadrant < S(-0.5), Select(odd, S(-1), S(1)), S(1));
-    const S cosine_sign = Select(S(1.5) < magnitude, S(-1), S(1)) *
-                          Select(odd, Select(S(0) < quadrant, S(-1), S(1)), S(1));
-    sine = sine_sign * Select(odd, c, s);
-    cosine = cosine_sign * Select(odd, s, c);
+    sine = s;
+    cosine = c;
+    TurnByQuarters(quarters, sine, cosine);
   }
 };
 

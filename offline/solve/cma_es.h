@@ -25,6 +25,8 @@ class CmaEs {
   void Tell(const std::vector<double>& values);
 
   [[nodiscard]] double sigma() const { return sigma_; }
+  /// The mean of the distribution that candidates are drawn from.
+  [[nodiscard]] std::vector<double> mean() const { return {mean_.begin(), mean_.end()}; }
 
  private:
   int n_, population_, parents_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -61,6 +62,23 @@ struct Improving {
   /// Change of the logarithm of a free duration with the variable that stands for it, so that this
   /// is of the size of the others.
   static constexpr double kStretch = 0.5;
+};
+
+/// Successive halving [JT16]: motions of a generation are compared on a part of the robots, the
+/// better half of them on twice as many, and so on, at last on all. Where a generation begins
+/// rotates, so that motions suit all robots and not the first ones.
+///
+/// [JT16] K. Jamieson, A. Talwalkar, Non-stochastic Best Arm Identification and Hyperparameter
+/// Optimization, AISTATS 2016.
+struct Racing {
+  /// Ensembles of at least so many packets are divided so; of fewer, a part says nothing.
+  static constexpr std::size_t kLeastPackets = 16;
+  /// Parts of the ensemble, one after the other: 1/8, 1/4, 1/2, 1.
+  static constexpr int kRungs = 4;
+  /// What a motion's loss is above that of one that went a rung further.
+  static constexpr double kDropped = 100;
+  /// How many motions of the last improvement are compared on robots that none was found for.
+  static constexpr std::size_t kElite = 8;
 };
 
 /// The plan of a motion, and the limits of its path.
@@ -229,13 +247,21 @@ class RobustSearch {
 
  private:
   /// The robots of the last improvement, or a part of them.
-  [[nodiscard]] Ensemble Polishing(int part) const {
+  /// @param series  of robots: 0, or 1 for others than those.
+  [[nodiscard]] Ensemble Polishing(int part, int series = 0) const {
     return MakeEnsemble(std::max(robust_.polish_robots / part, static_cast<int>(kLanes)),
-                        robust_.polish_scale, kFine);
+                        robust_.polish_scale, kFine, series);
   }
   std::vector<Candidate> Polish(std::vector<Candidate> from) {
     for (int round = robust_.polish_rounds - 1; round >= 0; --round)
       from = Improve(from, 1, 0.03, Polishing(1 << round), robust_.generations);
+    const bool raced = Index(robust_.polish_robots) >= Racing::kLeastPackets * kLanes;
+    if (from.empty() || !raced || !complement_.empty() || interrupted()) return from;
+    // The least of many losses is also that of the motion that suits these robots by chance.
+    const std::vector<double> losses = Evaluate(elite_, Polishing(1, 1));
+    const auto least = std::ranges::min_element(losses);
+    from.front() = {elite_[static_cast<std::size_t>(least - losses.begin())], *least};
+    Tell(false, 0, *least);
     return from;
   }
 
@@ -356,9 +382,11 @@ class RobustSearch {
     return state;
   }
 
-  /// Robots of an ensemble of its own for each size and scale.
-  Ensemble MakeEnsemble(int robots, double scale, LaneSteps steps = kRough) const {
-    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(robots);
+  /// Robots of an ensemble of its own for each size, scale and series.
+  Ensemble MakeEnsemble(int robots, double scale, LaneSteps steps = kRough, int series = 0) const {
+    constexpr std::uint64_t kSeries = 0x6672'6573'6800'0000;  // far from all seeds
+    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(robots) +
+                               kSeries * static_cast<std::uint64_t>(series);
     std::vector<std::uint64_t> which;
     const std::size_t whole = (Index(robots) + kLanes - 1) / kLanes * kLanes;
     if (complement_.empty()) {
@@ -852,9 +880,8 @@ class RobustSearch {
     return Distances(kLanes, one);
   }
 
-  /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
-  [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
-                             const Ensemble& ensemble, Distances& distances) const {
+  /// What robots are told in a motion and the hold after it.
+  [[nodiscard]] Setpoints SetpointsOf(const std::vector<double>& x, const Plan& plan) const {
     const int end = TicksOf(x) + Ticks(problem_.settle_s) + Ticks(Watching::kLater_s);
     Setpoints setpoints(Index(end) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
@@ -862,15 +889,29 @@ class RobustSearch {
       setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
                       Packet::Of(plan.feed_forward[std::min(i, last)])};
     });
+    return setpoints;
+  }
+
+  /// Of a packet of an ensemble.
+  [[nodiscard]] double SumOfLosses(const std::vector<double>& x, const Plan& plan,
+                                   const Setpoints& setpoints, const Ensemble& ensemble,
+                                   std::size_t packet, Distances& distances) const {
+    Play play = MakePlay(ensemble, packet, setpoints, distances);
+    if (hold_) {
+      play.feedback.emplace(plan.feedback, ensemble.noise[packet], robust_.feedback->delay_s,
+                            kTick_s, joints_);
+    }
+    const std::array<double, kLanes> losses = LossesOf(std::move(play), TicksOf(x));
+    return std::accumulate(losses.begin(), losses.end(), 0.0);
+  }
+
+  /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
+  [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
+                             const Ensemble& ensemble, Distances& distances) const {
+    const Setpoints setpoints = SetpointsOf(x, plan);
     double sum = 0;
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
-      Play play = MakePlay(ensemble, p, setpoints, distances);
-      if (hold_) {
-        play.feedback.emplace(plan.feedback, ensemble.noise[p], robust_.feedback->delay_s, kTick_s,
-                              joints_);
-      }
-      const std::array<double, kLanes> losses = LossesOf(std::move(play), TicksOf(x));
-      const double packet = std::accumulate(losses.begin(), losses.end(), 0.0);
+      const double packet = SumOfLosses(x, plan, setpoints, ensemble, p, distances);
       // Of robots that other motions do not carry, eight may well fall with a good one.
       if (p == 0 && packet >= kLanes && complement_.empty()) return packet / kLanes;
       sum += packet;
@@ -998,6 +1039,82 @@ class RobustSearch {
     return losses;
   }
 
+  /// A motion on its way through the packets of an ensemble.
+  struct Runner {
+    std::size_t motion = 0;
+    Plan plan;
+    Setpoints setpoints;
+    double sum = 0;
+    std::size_t packets = 0;
+    [[nodiscard]] double loss() const {
+      return sum / static_cast<double>(packets * kLanes) + 2 * plan.excess;
+    }
+  };
+
+  /// The motions that are played: their paths keep their limits.
+  /// @param losses  gets the penalties of all.
+  std::vector<Runner> RunnersOf(const std::vector<std::vector<double>>& motions,
+                                std::vector<double>& losses) const {
+    const int packets = static_cast<int>((motions.size() + kLanes - 1) / kLanes);
+    std::vector<std::vector<Runner>> runners(Index(packets));
+    ParallelFor(packets, options_.threads, [&](int p, int /*thread*/) {
+      SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
+      std::vector<std::vector<double>> playable;
+      const std::size_t end = std::min(motions.size(), Index(p + 1) * kLanes);
+      for (std::size_t i = Index(p) * kLanes; i < end; ++i) {
+        losses[i] = PathExcess(motions[i], distances);
+        if (losses[i] >= Planning::kUnplayable) continue;
+        playable.push_back(motions[i]);
+        runners[Index(p)].emplace_back().motion = i;
+      }
+      if (playable.empty()) return;
+      std::vector<Plan> plans = Plans(playable);
+      for (std::size_t m = 0; m < playable.size(); ++m) {
+        Runner& runner = runners[Index(p)][m];
+        runner.plan = std::move(plans[m]);
+        runner.setpoints = SetpointsOf(playable[m], runner.plan);
+      }
+    });
+    std::vector<Runner> all;
+    for (std::vector<Runner>& some : runners)
+      std::move(some.begin(), some.end(), std::back_inserter(all));
+    return all;
+  }
+
+  /// Losses of motions by which they can be ordered (Racing): those of the best are of the whole
+  /// ensemble, those of others of a part, and higher.
+  std::vector<double> Race(const std::vector<std::vector<double>>& motions,
+                           const Ensemble& ensemble, int generation) {
+    const std::size_t packets = ensemble.robots.size();
+    const std::size_t first = Index(generation) * (packets >> (Racing::kRungs - 1));
+    std::vector<double> losses(motions.size());
+    std::vector<Runner> runners = RunnersOf(motions, losses);
+    const std::vector<double> penalties = losses;
+    for (double& loss : losses)
+      if (loss >= Planning::kUnplayable) loss += Racing::kDropped * Racing::kRungs;
+    const auto loss_of = [&](const Runner& runner) {
+      return penalties[runner.motion] + runner.loss();
+    };
+    for (int rung = 0; rung < Racing::kRungs; ++rung) {
+      const std::size_t goal = packets >> (Racing::kRungs - 1 - rung);
+      ParallelFor(static_cast<int>(runners.size()), options_.threads, [&](int i, int /*thread*/) {
+        Runner& runner = runners[Index(i)];
+        Distances distances = hold_ ? MakeDistances() : Distances{};
+        for (; runner.packets < goal; ++runner.packets) {
+          runner.sum += SumOfLosses(motions[runner.motion], runner.plan, runner.setpoints, ensemble,
+                                    (first + runner.packets) % packets, distances);
+        }
+      });
+      std::ranges::stable_sort(runners, {}, loss_of);
+      const int dropped = Racing::kRungs - 1 - rung;
+      for (const Runner& runner : runners)
+        losses[runner.motion] = loss_of(runner) + Racing::kDropped * dropped;
+      if (dropped > 0) runners.resize((runners.size() + 1) / 2);
+    }
+    evaluations_ += static_cast<std::int64_t>(motions.size());
+    return losses;
+  }
+
   void Tell(bool global, int start, double loss) {
     const Evaluation evaluation{global, start, evaluations_, loss, 0};
     history_.push_back(evaluation);
@@ -1075,10 +1192,12 @@ class RobustSearch {
   /// @param first  of the variables that are changed; those before it stay.
   Candidate ImproveOne(const Candidate& from, int start, double sigma, const Ensemble& ensemble,
                        int generations, double rival, std::size_t first = 0) {
+    const bool races = complement_.empty() && ensemble.robots.size() >= Racing::kLeastPackets;
     const std::uint64_t seed = problem_.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
     const auto begin = from.x.begin() + static_cast<std::ptrdiff_t>(first);
     CmaEs search({begin, from.x.end()}, sigma, Improving::kPopulation, seed);
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
+    elite_ = {from.x};
     for (int g = 0; g < generations && !interrupted(); ++g) {
       if (best.loss < Improving::kPerfect) break;
       if (complement_.empty() && g >= Improving::kHopelessAfter &&
@@ -1086,14 +1205,23 @@ class RobustSearch {
         break;
       std::vector<std::vector<double>> motions = search.Ask();
       for (std::vector<double>& x : motions) x.insert(x.begin(), from.x.begin(), begin);
-      const std::vector<double> losses = Evaluate(motions, ensemble);
+      const std::vector<double> losses =
+          races ? Race(motions, ensemble, g) : Evaluate(motions, ensemble);
       const auto least = std::min_element(losses.begin(), losses.end());
-      if (*least < best.loss)
+      if (*least < best.loss) {
         best = {motions[static_cast<std::size_t>(least - losses.begin())], *least};
+        elite_.push_back(best.x);
+      }
       search.Tell(losses);
       Tell(false, start, best.loss);
       if (search.sigma() < 1e-5) break;
     }
+    if (elite_.size() >= Racing::kElite)
+      elite_.erase(elite_.begin(), elite_.end() - (Racing::kElite - 1));
+    // The mean of the candidates is less of a lucky draw than the best of them.
+    std::vector<double> mean = search.mean();
+    mean.insert(mean.begin(), from.x.begin(), begin);
+    elite_.push_back(std::move(mean));
     return best;
   }
 
@@ -1121,6 +1249,8 @@ class RobustSearch {
   std::vector<Place> places_;
   double target_rad_ = 0;
   double tolerance_rad_ = CostTerm::kAngleTolerance_rad;
+  /// Of the last improvement: the last motions that were the best, and the candidates' mean.
+  std::vector<std::vector<double>> elite_;
   int stage_ = 0;
   std::int64_t evaluations_ = 0;
   std::vector<Evaluation> history_;

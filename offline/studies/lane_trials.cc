@@ -11,13 +11,12 @@
 
 #include "common/files/program.h"
 #include "offline/scene/self_clearance.h"
+#include "offline/studies/look_ticks.h"
 
 namespace tumbler {
 namespace {
 
 constexpr std::size_t kLanes = Packet::kLanes;
-/// Own shapes are looked at in every so many ticks: they move by a few millimetres in between.
-constexpr std::size_t kLookAtShapes = 2;
 /// A swing adds up what each step is off by, and above a bar it grows.
 constexpr int kStepsOnBar = 40;
 
@@ -34,15 +33,15 @@ struct Judged {
   }
 
   /// Shows the judges the robot's state at a tick.
-  void Look(const LaneState<Packet>& state, std::size_t lane, std::size_t k, const Script& script,
-            const TickRecord& record) {
+  /// @param next  the tick in which they look again.
+  void Look(const LaneState<Packet>& state, std::size_t lane, std::size_t k, std::size_t next,
+            const Script& script, const TickRecord& record) {
     Take(state, lane);
     truth.time_ns = std::llround(1e9 * script.tick_s * static_cast<double>(k));
     truth.held = script.ticks[k].held;
-    if (k % kLookAtShapes == 0)
-      truth.self_overlap_m = std::max(0.0, -distances.Nearest(q, 1e-3).distance_m);
+    truth.self_overlap_m = std::max(0.0, -distances.Nearest(q, 1e-3).distance_m);
     purpose.Observe(record, truth.time_ns, truth);
-    departure.Observe(script.ticks[k], truth.root_pitch_rad);
+    departure.Observe(script.ticks[k], truth.root_pitch_rad, static_cast<std::int64_t>(next - k));
     posture.Observe(truth, {}, {true, false});
     over = posture.falls() > 0;
   }
@@ -96,9 +95,30 @@ void Displace(LaneState<Packet>& state, std::size_t lane, const PlanarRobot& rob
   }
 }
 
+/// Adds the setpoints of a tick, which some robots get later.
+void TellAll(const Script& script, std::size_t k, const std::vector<Judged>& judged,
+             std::vector<LaneSetpoint<Packet>>& setpoints) {
+  const std::size_t first = setpoints.size();
+  for (const JointSetpoint& s : script.ticks[k].setpoints) {
+    setpoints.push_back({Packet::Of(static_cast<double>(s.position_rad)),
+                         Packet::Of(static_cast<double>(s.velocity_rad_s)),
+                         Packet::Of(static_cast<double>(s.torque_nm))});
+  }
+  for (std::size_t lane = 0; lane < judged.size(); ++lane) {
+    const std::size_t late = std::min(k, judged[lane].whole_ticks);
+    if (late == 0) continue;
+    for (std::size_t j = first; j < setpoints.size(); ++j) {
+      const JointSetpoint& s = script.ticks[k - late].setpoints[j - first];
+      setpoints[j].position.set_lane(lane, static_cast<double>(s.position_rad));
+      setpoints[j].velocity.set_lane(lane, static_cast<double>(s.velocity_rad_s));
+      setpoints[j].third.set_lane(lane, static_cast<double>(s.torque_nm));
+    }
+  }
+}
+
 }  // namespace
 
-LaneTrials::LaneTrials(const RobustnessStudy& study, int finer) : trials_(study) {
+LaneTrials::LaneTrials(const RobustnessStudy& study, int finer, int look_every) : trials_(study) {
   if (!study.twin.empty())
     throw Refused(study.twin + ": lanes do not simulate what twin files ask for; leave it out");
   if (study.disturbs())
@@ -110,6 +130,7 @@ LaneTrials::LaneTrials(const RobustnessStudy& study, int finer) : trials_(study)
   const Script& script = trials_.script();
   if (script.delay_s.empty())
     throw Refused(study.motion + ": the model itself does not get as far as this motion");
+  looks_ = LookTicks(script, trials_.motion().file(), static_cast<std::size_t>(look_every));
   steps_.tick_s = script.tick_s;
   if (trials_.scene().robot.hinged()) steps_.per_tick = kStepsOnBar;
   // Steps that are fine for a bar are fine for much harder ground, too.
@@ -163,7 +184,6 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
   const SequenceFile& file = trials_.motion().file();
   const Script& script = trials_.script();
   const PrimitivePose start = trials_.robot().start.value_or(StartOf(file));
-  const std::size_t joints = drives_.size();
   std::vector<Judged> judged;
   std::array<LaneRobot<double>, kLanes> robots{};
   judged.reserve(variations.size());
@@ -182,10 +202,11 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
   HeldSetpoints<Packet> held{};
   LaneWatch<Packet> watch;
   const LaneKernel<Packet>& kernel = *PacketKernels().front();
-  std::vector<LaneSetpoint<Packet>> setpoints(joints);
+  std::vector<LaneSetpoint<Packet>> setpoints;
   TickRecord record;
   bool begun = false;
-  for (std::size_t k = 0; k < script.ticks.size(); ++k) {
+  for (std::size_t look = 0; look + 1 < looks_.size(); ++look) {
+    const std::size_t k = looks_[look], next = looks_[look + 1];
     const ScriptTick& tick = script.ticks[k];
     record.state = tick.state;
     record.node = tick.node;
@@ -193,25 +214,18 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
     bool any = false;
     for (std::size_t lane = 0; lane < judged.size(); ++lane) {
       if (judged[lane].over) continue;
-      judged[lane].Look(state, lane, k, script, record);
+      judged[lane].Look(state, lane, k, next, script, record);
       any = any || !judged[lane].over;
     }
     if (!any) break;
-    if (tick.held) continue;
+    if (tick.held) continue;  // and so are all ticks up to the next look
     if (!begun && tick.state == ExecutorState::kRunning) {
       begun = true;
       for (std::size_t lane = 0; lane < variations.size(); ++lane)
         Displace(state, lane, trials_.scene().robot, variations[lane]);
     }
-    for (std::size_t j = 0; j < joints; ++j) {
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const std::size_t late = lane < judged.size() ? judged[lane].whole_ticks : 0;
-        const JointSetpoint& s = script.ticks[k - std::min(k, late)].setpoints[j];
-        setpoints[j].position.set_lane(lane, static_cast<double>(s.position_rad));
-        setpoints[j].velocity.set_lane(lane, static_cast<double>(s.velocity_rad_s));
-        setpoints[j].third.set_lane(lane, static_cast<double>(s.torque_nm));
-      }
-    }
+    setpoints.clear();
+    for (std::size_t t = k; t < next; ++t) TellAll(script, t, judged, setpoints);
     kernel.drive(model_.model, packed, steps_, setpoints, held, state, watch);
   }
   std::vector<TrialOutcome> outcomes;

@@ -15,7 +15,8 @@ namespace tumbler {
 ///
 /// A robot is told, tick by tick, what the executor told the model in the twin, as the wire rounded
 /// it, with the time that the frames took; its encoders read half a count less than the truth, as
-/// they do on average. The judges are those of `Trials`. What lanes leave out is the rest of the
+/// they do on average. The judges are those of `Trials`, which look in some ticks only
+/// (`LookTicks`). What lanes leave out is the rest of the
 /// twin: the bus, the rounding of encoders, faults of drives and executor, and everything that a
 /// twin file can ask for.
 class LaneTrials {
@@ -23,7 +24,9 @@ class LaneTrials {
   /// @throws as Trials, std::invalid_argument as MakeLaneScene, and Refused where the study has a
   ///         twin file.
   /// @param finer  how much finer the steps are than those of robots that differ a little.
-  explicit LaneTrials(const RobustnessStudy& study, int finer = 1);
+  /// @param look_every  in every so many ticks the judges look, besides those that they must not
+  ///                    miss. In 4 ms own shapes, and so what overlaps, move by a few millimetres.
+  explicit LaneTrials(const RobustnessStudy& study, int finer = 1, int look_every = 4);
 
   /// Plays robots of these numbers, one in each lane.
   /// @pre at most Packet::kLanes of them, and at least one.
@@ -41,6 +44,7 @@ class LaneTrials {
   std::vector<LaneDrive> drives_;
   LaneScene model_;
   LaneSteps steps_;
+  std::vector<std::size_t> looks_;  // LookTicks
 };
 
 }  // namespace tumbler

@@ -84,7 +84,7 @@ class LieWatch {
 
 }  // namespace
 
-void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad) {
+void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad, std::int64_t ticks) {
   const bool running = model.state == ExecutorState::kRunning;
   if (running && !running_) since_ = 0;
   running_ = running;
@@ -95,7 +95,7 @@ void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad) {
     node_ = model.node;
     ticks_ = since_;
   }
-  if (since_ >= 0) ++since_;
+  if (since_ >= 0) since_ += ticks;
 }
 
 TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,

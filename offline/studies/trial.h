@@ -102,8 +102,10 @@ struct Script {
 /// hand's breadth beside the model's.
 class DepartureWatch {
  public:
-  /// To be called in every tick of the script, in order.
-  void Observe(const ScriptTick& model, double pitch_rad);
+  /// To be called in order, in every tick of the script, or in some of them, those included in
+  /// which a motion begins.
+  /// @param ticks  how many there are up to the next call.
+  void Observe(const ScriptTick& model, double pitch_rad, std::int64_t ticks = 1);
   /// The node in or after whose motion it left, and when, since that motion began; none: -1.
   [[nodiscard]] int node() const { return left_ ? node_ : -1; }
   [[nodiscard]] std::int64_t ticks() const { return left_ ? ticks_ : -1; }

@@ -1,21 +1,27 @@
 // How many robots that differ from the model play the shipped handstand, with its hold, in a second
-// of processor time of one thread: in the twin, which figures are of, and in lanes, eight at once.
+// of processor time of one thread: in the twin, which figures are of, and in lanes, eight at once;
+// and the robot that tumbler export writes, under the same law and setpoints, in MuJoCo.
 // `items_per_second` is robots a second; what others are compared with is the twin's, of the same
 // run.
 
 #include <benchmark/benchmark.h>
+#ifdef TUMBLER_WITH_MUJOCO
+#include <mujoco/mujoco.h>
+#endif
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <numeric>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <vector>
 
+#include "offline/programs/mjcf.h"
 #include "offline/scene/lane_kernel.h"
 #include "offline/scene/lane_scene.h"
 #include "offline/scene/variation.h"
@@ -120,6 +126,57 @@ class BareLanes {
   std::vector<LaneSetpoint<S>> setpoints_;
 };
 
+#ifdef TUMBLER_WITH_MUJOCO
+struct MujocoDeleter {
+  void operator()(mjModel* model) const { mj_deleteModel(model); }
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+
+/// The model in MuJoCo, with its contacts, in the steps that tumbler export writes. No judge looks,
+/// but the robot has to end as upright as the model.
+class InMujoco {
+ public:
+  explicit InMujoco(const Trials& trials) : script_(trials.script()) {
+    const DriveEntry& entry = trials.drives().drives.front();
+    gains_ = {static_cast<double>(entry.kp_nm_per_rad), static_cast<double>(entry.kd_nm_s_per_rad)};
+    const testing::TemporaryFolder folder;
+    const std::string file = folder.path() / "model.xml";
+    testing::WriteFile(file, ToMjcf(trials.motion(), gains_));
+    std::array<char, 1000> error{};
+    model_.reset(mj_loadXML(file.c_str(), nullptr, error.data(), error.size()));
+    if (model_ == nullptr) throw std::runtime_error(error.data());
+    data_.reset(mj_makeData(model_.get()));
+  }
+  [[nodiscard]] double step_s() const { return model_->opt.timestep; }
+
+  void Play() {
+    mj_resetDataKeyframe(model_.get(), data_.get(), 0);
+    int ticks = 0;
+    for (const ScriptTick& tick : script_.ticks) {
+      if (tick.held) continue;
+      for (std::size_t j = 0; j < tick.setpoints.size(); ++j) {
+        const JointSetpoint& s = tick.setpoints[j];
+        data_->ctrl[j] = gains_.kp_nm_per_rad * static_cast<double>(s.position_rad) +
+                         gains_.kd_nm_s_per_rad * static_cast<double>(s.velocity_rad_s) +
+                         static_cast<double>(s.torque_nm);
+      }
+      ++ticks;
+      const double until_s = ticks * script_.tick_s - 0.5 * step_s();
+      while (data_->time < until_s) mj_step(model_.get(), data_.get());
+    }
+    const int pitch = mj_name2id(model_.get(), mjOBJ_JOINT, "pitch");
+    const double off_rad = data_->qpos[model_->jnt_qposadr[pitch]] - script_.ticks.back().pitch_rad;
+    if (!(std::abs(off_rad) < 0.15)) throw std::runtime_error("the robot fell in MuJoCo");
+  }
+
+ private:
+  const Script& script_;
+  DriveGains gains_;
+  std::unique_ptr<mjModel, MujocoDeleter> model_;
+  std::unique_ptr<mjData, MujocoDeleter> data_;
+};
+#endif
+
 int Main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
@@ -151,6 +208,12 @@ int Main(int argc, char** argv) {
   BareLanes<double> one(twin);
   add(std::string("the lanes' physics alone, ") + OneRobotKernel().name,
       [&](benchmark::State& state) { Measure(state, 1, [&] { one.Play(OneRobotKernel()); }); });
+#ifdef TUMBLER_WITH_MUJOCO
+  InMujoco mujoco(twin);
+  add("MuJoCo " + std::string(mj_versionString()) + ", steps of " +
+          std::to_string(std::lround(1e6 * mujoco.step_s())) + " us",
+      [&](benchmark::State& state) { Measure(state, 1, [&] { mujoco.Play(); }); });
+#endif
   benchmark::RunSpecifiedBenchmarks();
   return 0;
 }

@@ -7,7 +7,10 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -93,6 +96,68 @@ TEST(DrivenMotion, BeginsAsTheDisturbanceSays) {
   // A floor that rises to the right carries more of a robot's weight to the left.
   EXPECT_LT(positions_after(0.05, {.slope_rad = 0.1})[0], positions_after(0.05, {})[0] - 1e-4);
   EXPECT_EQ(positions_after(1e-6, {.slope_rad = 0.1}), level);
+}
+
+TEST(DrivenMotion, OfRobotsInLanesIsThatOfEachAlone) {
+  for (const char* motion : {"nominal/handstand.toml", "nominal/roll.toml"}) {
+    const PrimitiveFile file =
+        LoadPrimitive(testing::SourcePath(std::string("primitives/") + motion));
+    const Problem problem = TaskOf(file).problem;
+    const std::vector<double> x = testing::FreeControlPoints(file.primitive);
+    const std::vector<JointMotion<double>::Spline> feed_forward = FeedForwards(problem, x);
+    const double until_s = problem.duration_s + 3;
+    std::array<std::vector<std::vector<double>>, kDisturbances.size()> in_lanes;
+    const std::vector<bool> plausible =
+        PlayThroughDrives(problem, x, feed_forward, kDisturbances, until_s,
+                          [&](std::size_t which, double /*time_s*/, std::span<const double> q) {
+                            in_lanes[which].emplace_back(q.begin(), q.end());
+                            return which != 1 || in_lanes[which].size() < 100;
+                          });
+    EXPECT_EQ(plausible, std::vector<bool>(kDisturbances.size(), true));
+    EXPECT_EQ(in_lanes[1].size(), 100U) << "who is not asked for more gets none";
+    for (std::size_t i = 0; i < kDisturbances.size(); ++i) {
+      double worst = 0;
+      std::size_t compared = 0;
+      PlayThroughDrives(problem, x, feed_forward, kDisturbances[i], until_s,
+                        [&](double time_s, std::span<const double> q) {
+                          const double tick = time_s / 1e-3;
+                          const auto at = static_cast<std::size_t>(std::lround(tick));
+                          if (std::abs(tick - std::round(tick)) > 1e-3) return true;
+                          if (at >= in_lanes[i].size()) return true;
+                          for (std::size_t d = 0; d < q.size(); ++d)
+                            worst = std::max(worst, std::abs(q[d] - in_lanes[i][at][d]));
+                          ++compared;
+                          return true;
+                        });
+      // Once the robot is calm, steps of one alone may begin beside the milliseconds.
+      EXPECT_GE(compared, std::min<std::size_t>(in_lanes[i].size(), 2000));
+      EXPECT_LT(worst, 1e-6) << motion << i;
+    }
+  }
+}
+
+TEST(DrivenMotion, WhereLanesDoNotHaveTheSceneRobotsArePlayedOneAfterTheOther) {
+  const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
+  Problem problem = TaskOf(file).problem;
+  const std::vector<double> x = testing::FreeControlPoints(file.primitive);
+  const std::vector<JointMotion<double>::Spline> feed_forward = FeedForwards(problem, x);
+  problem.scene.motors.resize(problem.joints.size());  // motors that are known to lose nothing
+  std::array<std::vector<double>, 2> last, alone;
+  const std::array<Disturbance, 2> disturbances = {kDisturbances[0], kDisturbances[3]};
+  PlayThroughDrives(problem, x, feed_forward, disturbances, 0.1,
+                    [&](std::size_t which, double /*time_s*/, std::span<const double> q) {
+                      last[which].assign(q.begin(), q.end());
+                      return true;
+                    });
+  for (std::size_t i = 0; i < 2; ++i) {
+    PlayThroughDrives(problem, x, feed_forward, disturbances[i], 0.1,
+                      [&](double /*time_s*/, std::span<const double> q) {
+                        alone[i].assign(q.begin(), q.end());
+                        return true;
+                      });
+    EXPECT_EQ(last[i], alone[i]);
+  }
 }
 
 /// The shipped robot with a box of 40 mm, and so wide along the ground, as each foot.

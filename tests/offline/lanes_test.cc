@@ -134,6 +134,31 @@ TEST(Lanes, EveryLaneOfEveryKernelGetsTheBitsOfOneRobotAlone) {
   }
 }
 
+TEST(Lanes, MotionsByTheClassicalMethodHaveTheSameBitsInEveryLaneToo) {
+  const PrimitiveFile file = Handstand();
+  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
+  const auto setpoints = SetpointsOf(file.primitive, 0.2);
+  std::mt19937_64 random(7);
+  std::array<LaneRobot<double>, kLanes> robots;
+  std::array<LaneState<double>, kLanes> states;
+  for (LaneRobot<double>& robot : robots) robot = RandomRobot(scene, random);
+  states.fill(EntryState(file));
+  for (const LaneKernel<Packet>* kernel : PacketKernels()) {
+    constexpr std::size_t kSome = 3;
+    LaneState<Packet> state = PackLanes<LaneState>(states);
+    HeldSetpoints<Packet> held{};
+    kernel->drive_classically(scene.model, PackLanes<LaneRobot>(robots), {}, InAllLanes(setpoints),
+                              held, state, kSome);
+    for (std::size_t lane = 0; lane < kSome; ++lane) {
+      LaneState<double> alone = states[lane];
+      HeldSetpoints<double> own{};
+      OneRobotKernel().drive_classically(scene.model, robots[lane], {}, setpoints, own, alone, 1);
+      EXPECT_TRUE(SameBits(LaneOf<LaneState>(state, lane), alone)) << kernel->name << lane;
+      EXPECT_EQ(held[1].position.lane(lane), own[1].position);
+    }
+  }
+}
+
 TEST(Lanes, PrescribedMotionsHaveTheSameBitsInEveryLaneToo) {
   const PrimitiveFile file = Handstand();
   const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
@@ -329,6 +354,31 @@ TEST(Lanes, ANominalRobotEndsWhereTheShippedPlanEndsAtAFineStep) {
   EXPECT_NEAR(state.q[0], file.exit.root_x_m, 1e-3);
   EXPECT_NEAR(state.q[1], file.exit.root_z_m, 1e-4);
   EXPECT_NEAR(state.q[2], file.exit.root_pitch_rad, 2e-3);
+}
+
+TEST(Lanes, TheClassicalMethodIsOfTheFourthOrder) {
+  // In the air, with setpoints that act at once, so that nothing jumps within a step.
+  BothDynamics both(false);
+  LaneRobot<double> robot = both.lanes.robot;
+  for (auto& joint : robot.joints) {
+    joint.delay = 0;
+    joint.kp = 20;
+    joint.kd = 0.5;
+    joint.torque_max = 100;
+  }
+  const std::vector<LaneSetpoint<double>> ticks(40, {0.5, 0, 0});
+  const auto pitch_after = [&](int per_tick) {
+    LaneState<double> state{};
+    state.q[1] = 5;
+    state.v = {0, 0, 2, 1, -1};
+    HeldSetpoints<double> held{};
+    OneRobotKernel().drive_classically(
+        both.lanes.model, robot, {.tick_s = 1e-2, .per_tick = per_tick}, ticks, held, state, 1);
+    return state.q[2];
+  };
+  const double fine = pitch_after(128), coarse_error = pitch_after(8) - fine;
+  EXPECT_GT(std::abs(coarse_error), 1e-12);
+  EXPECT_NEAR(std::abs(coarse_error / (pitch_after(16) - fine)), 16, 3);
 }
 
 TEST(Lanes, ASetpointActsFromItsTickAndTheJointsDelayOn) {

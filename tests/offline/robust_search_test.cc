@@ -145,6 +145,25 @@ TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots)
   ASSERT_EQ(both.solutions.size(), 1U);
 }
 
+TEST(RobustSearch, ManyRobotsAreRacedOnWhateverThreadsAndTheBestMotionIsThatOfOtherRobots) {
+  Problem problem = ProblemOf(QuickRobustTask());
+  const std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
+  problem.robust->polish_robots = 128;
+  const SolveOutcome one = SolveRobust(problem, {}, guess);
+  SolveOptions options;
+  options.threads = 3;
+  const SolveOutcome three = SolveRobust(problem, options, guess);
+  ASSERT_EQ(one.solutions.size(), 1U);
+  EXPECT_EQ(one.solutions.front().x, three.solutions.front().x);
+  ASSERT_EQ(one.history.size(), 4U) << "three generations, and what other robots say";
+  for (std::size_t g = 0; g < 4; ++g) EXPECT_EQ(one.history[g].cost, three.history[g].cost);
+  EXPECT_LE(one.history[2].cost, one.history[0].cost);
+  EXPECT_NE(one.history[3].cost, one.history[2].cost);
+  // The guess, the mean and whatever was the best are asked again.
+  EXPECT_GE(one.evaluations, 1 + 3 * 16 + 2);
+  EXPECT_LE(one.evaluations, 1 + 3 * 16 + 2 + 3);
+}
+
 TEST(RobustSearch, AFeedbackIsFoundWithThePath) {
   const Problem problem =
       ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nknots = 3\n"

@@ -12,6 +12,7 @@
 #include <csignal>
 #include <filesystem>
 #include <functional>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -28,6 +29,7 @@
 #include "offline/studies/checkpoint.h"
 #include "offline/studies/drop.h"
 #include "offline/studies/lane_trials.h"
+#include "offline/studies/look_ticks.h"
 #include "offline/studies/robustness_page.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
@@ -383,6 +385,51 @@ TEST(LaneTrials, ARobotIsTheSameInWhicheverLaneAndBesideWhomever) {
   EXPECT_EQ(CheckpointLine(9, a[0]), CheckpointLine(9, b[4]));
   EXPECT_EQ(CheckpointLine(3, a[1]), CheckpointLine(3, b[7]));
   EXPECT_EQ(CheckpointLine(21, a[2]), CheckpointLine(21, b[0]));
+}
+
+TEST(LaneTrials, JudgesThatLookNowAndThenSayOfEveryRobotWhatThoseSayThatLookInAllTicks) {
+  int failed = 0, compared = 0;
+  for (const char* motion : {"gait.toml", "nominal/handstand.toml"}) {
+    RobustnessStudy study = StudyOf(motion);
+    study.run.cycles = 1;
+    study.scale = 2;
+    study.seed = 13;
+    const LaneTrials always(study, 1, 1), now_and_then(study);
+    for (std::uint64_t first = 0; first < 48; first += Packet::kLanes) {
+      std::array<std::uint64_t, Packet::kLanes> which{};
+      std::iota(which.begin(), which.end(), first);
+      const auto a = always.Play(which), b = now_and_then.Play(which);
+      for (std::size_t lane = 0; lane < which.size(); ++lane) {
+        EXPECT_EQ(a[lane].verdict, b[lane].verdict) << which[lane] << a[lane].reason;
+        EXPECT_EQ(a[lane].motions, b[lane].motions);
+        EXPECT_EQ(a[lane].in, b[lane].in);
+        EXPECT_NEAR(a[lane].left_s, b[lane].left_s, 0.004);
+        failed += a[lane].fails() ? 1 : 0;
+        EXPECT_EQ(a[lane].reason, b[lane].reason);
+        compared += a[lane].verdict == Verdict::kAmiss ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(failed, 20);
+  EXPECT_GT(compared, 0);
+}
+
+TEST(LookTicks, AreThoseInWhichTheTwinsJudgesJudgeAndFewMore) {
+  RobustnessStudy study = StudyOf("gait.toml");
+  study.run.cycles = 1;
+  const Trials trials(study);
+  const Script& script = trials.script();
+  const std::vector<std::size_t> looks = LookTicks(script, trials.motion().file(), 4);
+  EXPECT_EQ(looks.front(), 0U);
+  EXPECT_EQ(looks.back(), script.ticks.size());
+  EXPECT_LT(looks.size(), script.ticks.size() / 2);
+  EXPECT_TRUE(std::ranges::is_sorted(looks));
+  for (std::size_t k = 1; k < script.ticks.size(); ++k) {
+    const bool changes = script.ticks[k].state != script.ticks[k - 1].state ||
+                         script.ticks[k].node != script.ticks[k - 1].node;
+    EXPECT_TRUE(!changes || std::ranges::binary_search(looks, k)) << k;
+  }
+  EXPECT_EQ(LookTicks(script, trials.motion().file(), 1).size(), script.ticks.size() + 1);
 }
 
 TEST(LaneTrials, AStartThatTurnsTooFastIsAFallInLanesAndTwin) {
