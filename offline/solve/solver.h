@@ -77,6 +77,8 @@ struct Solution {
   bool core_reached = false;
   /// Whether it keeps all limits and `SolveOptions::accept` refused it.
   bool refused = false;
+  /// Whether it was accepted, and `SolveOptions::calm` says that a cliff of the cost is near.
+  bool beside_cliff = false;
 
   /// Whether all limits hold, and the contact model with them.
   [[nodiscard]] bool feasible() const {
@@ -86,7 +88,7 @@ struct Solution {
 };
 
 /// Options of `Solve`. They do not change the result, unless it is interrupted, `contact` gives
-/// another contact model, or `accept` refuses a motion.
+/// another contact model, or `accept` or `calm` objects to a motion.
 struct SolveOptions {
   int threads = 1;
   /// Set it from any thread to stop early; may be null.
@@ -96,6 +98,10 @@ struct SolveOptions {
   /// Judges a finished motion that keeps all limits, from any thread and by several at a time;
   /// empty: takes every one. The search goes on in place of a motion that it refuses.
   std::function<bool(const Solution&)> accept;
+  /// Judges whether an accepted motion is away from cliffs of the cost, likewise; empty: all are.
+  /// Of motions that are as asked one that is away from them is preferred, unless it costs more by
+  /// half, and two more are tried for it.
+  std::function<bool(const Solution&)> calm;
   /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
   std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };
