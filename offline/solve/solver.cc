@@ -30,6 +30,8 @@ const char* ToString(SolveEnd end) {
       return "stopped making progress";
     case SolveEnd::kEnough:
       return "good as asked; the next step would lower the cost by less than a tenth";
+    case SolveEnd::kUnproved:
+      return "as asked; whether it is at a minimum was not proved, which --prove asks for";
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
     case SolveEnd::kGenerations:
@@ -278,7 +280,6 @@ class Campaign {
       ParallelFor(static_cast<int>(racing.size()), options_.threads, [&](int k, int thread) {
         const std::size_t i = racing[Index(k)];
         Solution& solution = solutions_[i];
-        if (interrupted()) return;
         SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
           return SolveNear(problem_, solution.x, NearLimits{evaluations},
                            lanes_[Index(thread)].sensitivity, local, history, &memory[i - first]);
@@ -290,6 +291,7 @@ class Campaign {
       std::stable_sort(racing.begin(), racing.end(), [&](std::size_t a, std::size_t b) {
         return ranks[a - first].rank < ranks[b - first].rank;
       });
+      if (racing.empty() || interrupted()) return;
       const Solution& leader = solutions_[racing.front()];
       if (leader.end == SolveEnd::kConverged && leader.constraint_violation <= kNoViolation) break;
       racing.resize((racing.size() + 1) / 2);
@@ -354,6 +356,9 @@ class Campaign {
     SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
       return SolveNear(problem_, solution.x, limits, rollouts, local, history);
     });
+    const bool out_of_work =
+        solution.end == SolveEnd::kEnough || solution.end == SolveEnd::kEvaluations;
+    if (limits.enough > 0 && out_of_work && solution.feasible()) solution.end = SolveEnd::kUnproved;
   }
 
   /// Solves a motion on in lanes, with the adaptive steps of where it is now, so that derivatives

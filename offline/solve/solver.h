@@ -32,8 +32,11 @@ enum class SolveEnd {
   kConverged,  ///< The Kuhn-Tucker condition holds: KktResidual::relative is small enough.
   /// The same, but with finer steps KktResidual::relative is larger.
   kConvergedCoarsely,
-  kStalled,      ///< The cost stopped falling before that.
-  kEnough,       ///< A further step promised less than the caller asked for: near a guess.
+  kStalled,  ///< The cost stopped falling before that.
+  kEnough,   ///< A further step promised less than the caller asked for: near a guess.
+  /// The same, or the work that a proof is worth was done: it keeps its limits, and may or may not
+  /// be at a minimum (SolverSettings::prove).
+  kUnproved,
   kEvaluations,  ///< The evaluation budget is used up.
   kGenerations,  ///< A robust search is over: its generations, or that they gain anything.
   kTaken,        ///< Nothing was searched: a guess is taken as it is.
@@ -119,9 +122,10 @@ struct SolveOutcome {
 };
 
 /// Finds a motion without a guess: by a global search over random splines, a few iterations of
-/// SLSQP (NLopt) from the best of them, and SolveNear from the best of what comes of that, until
-/// `solver.finalists` motions have converged. A joint with more than 12 control points is searched
-/// for with 12, and what is found is refined with all of them.
+/// SolveNear in lanes from the best of them, or of SLSQP (NLopt) where lanes do not cover the
+/// problem, and SolveNear from the best of what comes of that: until one motion is as asked, or
+/// with `solver.prove` until `solver.finalists` motions have converged. A joint with more than 12
+/// control points is searched for with 12, and what is found is refined with all of them.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
 /// Finds the motion near a guess: by SolveNear from there, without a search. It ends as soon as a
