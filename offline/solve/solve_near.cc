@@ -184,7 +184,7 @@ class NearSolve {
     secants_ = SecantMatrix(memory->secants);
     multipliers_ = memory->multipliers;
     price_ = memory->price;
-    radius_ = memory->radius_rad;
+    radius_ = std::max(memory->radius_rad, kRadiusAfterReset);
   }
 
   Solution Run(std::span<const double> start) {
@@ -196,7 +196,8 @@ class NearSolve {
     if (here.result.finite) best.end = Iterate(here);
     while (here.result.finite && !finer_.empty()) {
       const bool first_fine = coarse();
-      if (!first_fine && !StallsNearMinimum(best.end, here)) break;
+      const bool confirms = limits_.confirm && best.end == SolveEnd::kConverged;
+      if (!first_fine && !confirms && !StallsNearMinimum(best.end, here)) break;
       Refine(here);
       if (here.result.finite && GoesOn(best.end)) best.end = Iterate(here);
     }

@@ -30,6 +30,8 @@ struct NearLimits {
   int enough_after = 0;
   /// On the way, a motion has nearly converged at this many times the residual that is wanted.
   double nearly = 10;
+  /// Whether a motion that has converged is solved on with the finest steps, until it has by these.
+  bool confirm = false;
 };
 
 /// What a solve has learnt of a motion's surroundings: another goes on with it, also one that

@@ -70,8 +70,9 @@ constexpr int kLaneEvaluations = 2;
 /// that is wanted.
 constexpr int kGridRounds = 3, kGridEvaluations = 32;
 constexpr double kNearlyOnGrid = 2;
-/// So many evaluations with sensitivities are never too dear.
-constexpr double kFewestForAProof = 60;
+/// So much work is never too dear for a proof: evaluations of the dynamics of packets, half a
+/// second to one.
+constexpr double kWorkOfAProof = 1.5e6;
 /// At least so many batches of samples are drawn at a time in lanes, unless so many samples are
 /// promising for each that is screened.
 constexpr int kLaneBatches = 4, kManyPromising = 2;
@@ -337,13 +338,14 @@ class Campaign {
   void SolveToEnd(Solution& solution, NearRollouts& rollouts, int before) {
     NearLimits limits;
     limits.max_evaluations = std::max(1, problem_.solver.max_evaluations - screened(solution));
+    limits.confirm = problem_.solver.prove;
     if (!lanes_.empty()) {
       const double price = kPriceOfSensitivities * PacketEvaluations(problem_.solver.step_s);
-      double left = problem_.solver.prove
-                        ? std::numeric_limits<double>::infinity()
-                        : std::max(work_ / (1 + before), kFewestForAProof * price);
+      double left = problem_.solver.prove ? std::numeric_limits<double>::infinity()
+                                          : std::max(work_ / (1 + before), kWorkOfAProof);
+      NearMemory memory;
       for (int round = 0; round < kGridRounds && left > 0 && !interrupted(); ++round) {
-        if (!SolveOnGrid(solution, rollouts, left)) break;
+        if (!SolveOnGrid(solution, rollouts, memory, left)) break;
       }
       if (solution.constraint_violation > kBeyondLimits) return;
       if (!problem_.solver.prove) {
@@ -363,9 +365,10 @@ class Campaign {
 
   /// Solves a motion on in lanes, with the adaptive steps of where it is now, so that derivatives
   /// are nearly those of the solve that follows.
-  /// @param left  evaluations of the dynamics that it may take; gets what is left.
+  /// @param memory  of the rounds before.
+  /// @param left    evaluations of the dynamics that it may take; gets what is left.
   /// @returns whether that changed the motion.
-  bool SolveOnGrid(Solution& solution, NearRollouts& rollouts, double& left) {
+  bool SolveOnGrid(Solution& solution, NearRollouts& rollouts, NearMemory& memory, double& left) {
     OutputGradients gradients = OutputGradients::Of(rollouts.coarse);
     if (!rollouts.coarse.Run(solution.x, gradients).finite) return false;
     left -= kPriceOfSensitivities * static_cast<double>(rollouts.coarse.statistics().evaluations);
@@ -378,7 +381,7 @@ class Campaign {
     if (limits.max_evaluations < kFewest) return false;
     const int before = solution.evaluations;
     SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
-      return SolveNear(problem_, solution.x, limits, lanes, local, history);
+      return SolveNear(problem_, solution.x, limits, lanes, local, history, &memory);
     });
     const int taken = solution.evaluations - before;
     left -= each * taken;
