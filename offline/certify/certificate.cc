@@ -20,6 +20,7 @@
 #include "offline/problem/link_chains.h"
 #include "offline/problem/take_free.h"
 #include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/solve_near.h"
 
 namespace tumbler {
 namespace {
@@ -28,8 +29,6 @@ using Spline = JointMotion<double>::Spline;
 
 /// Contact that is lost for less than this [s] counts as one contact: a foot chatters as it lands.
 constexpr double kContactGap = 0.01;
-/// A tolerance below this is lost in rounding.
-constexpr double kFinestTolerance = 1e-12;
 
 /// The root's velocity along x, z and of its pitch; zero where something holds it.
 std::array<double, 3> RootRatesOf(std::span<const double> qd, const PlanarRobot& robot) {
@@ -332,11 +331,13 @@ double LargestExcess(const Primitive<double>& primitive, const MotionSummary& su
 
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution) {
-  return MakePrimitiveFile(task, outcome, solution, Summarize(task.problem, solution.x));
+  return MakePrimitiveFile(task, outcome, solution, Summarize(task.problem, solution.x),
+                           CheckGradient(task.problem, solution.x));
 }
 
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
-                                const Solution& solution, const MotionSummary& summary) {
+                                const Solution& solution, const MotionSummary& summary,
+                                const GradientCheck& check) {
   const Problem& problem = task.problem;
   PrimitiveFile file;
   Primitive<double>& primitive = file.primitive;
@@ -362,7 +363,6 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   file.contacts = summary.contacts;
 
   Certificate& certificate = file.certificate;
-  const GradientCheck check = CheckGradient(problem, solution.x);
   certificate.gradient_error = Finite(check.relative_error());
   certificate.gradient_difference_steps_rad = GradientCheck::kSteps;
   std::transform(check.errors.begin(), check.errors.end(), certificate.gradient_errors.begin(),

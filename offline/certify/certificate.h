@@ -145,8 +145,9 @@ MotionSummary Summarize(Problem problem, std::vector<double> x);
 /// entry, exit, contact timeline, certificate, provenance.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution);
-/// The same with the motion's summary, where it is known already.
+/// The same with the motion's summary and CheckGradient, where they are known already.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
-                                const Solution& solution, const MotionSummary& summary);
+                                const Solution& solution, const MotionSummary& summary,
+                                const GradientCheck& check);
 
 }  // namespace tumbler

@@ -98,6 +98,22 @@ class Looks {
     cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
     return of_motion_.emplace(motion, std::move(look)).first->second;
   }
+  /// How far the gradient of a solution's cost is from differences.
+  GradientCheck GradientAt(Solution solution) {
+    Problem problem = problem_;
+    TakeFree(problem, solution);
+    const Motion motion{problem.duration_s, solution.x};
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (const auto known = gradients_.find(motion); known != gradients_.end())
+        return known->second;
+    }
+    const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
+    const GradientCheck check = CheckGradient(problem, solution.x);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
+    return gradients_.emplace(motion, check).first->second;
+  }
   /// The time that all of them took together.
   [[nodiscard]] double cpu_s() const { return cpu_s_; }
 
@@ -106,6 +122,7 @@ class Looks {
   const Problem& problem_;
   std::mutex mutex_;
   std::map<Motion, FineLook> of_motion_;
+  std::map<Motion, GradientCheck> gradients_;
   double cpu_s_ = 0;
 };
 
@@ -178,7 +195,8 @@ void MakeFile(TaskResult& result, Looks& looks) {
     return;
   }
   const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
-  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);
+  PrimitiveFile file =
+      MakePrimitiveFile(result.task, result.outcome, best, result.summary, looks.GradientAt(best));
   result.look_cpu_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
   file.purpose = result.look.purpose;
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
@@ -238,6 +256,12 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
+  // From a guess, another motion than the one near it would not be an answer.
+  if (!settings.minima && !problem.robust && !guessed) {
+    options.calm = [&](const Solution& solution) {
+      return looks.GradientAt(solution).relative_error() <= kDoubtfulGradient;
+    };
+  }
   result.outcome =
       problem.robust
           ? SolveRobust(problem, options, result.task.guess,

@@ -102,6 +102,10 @@ struct SolverSettings {
   /// A finalist has converged when its KktResidual::relative is no larger. The smaller it is, the
   /// smaller `tolerance` has to be.
   double kkt_residual = 1e-4;
+  /// Whether a motion is solved until it has converged, however long that takes. Otherwise, where
+  /// lanes cover the problem, it goes on to the minimum for as long as the search took, and then
+  /// only as long as a step promises a thousandth of the cost.
+  bool prove = false;
   /// Screening ends when the cost changes by less than this part of itself.
   double relative_tolerance = 1e-7;
   /// The part of the torque limit that is kept free for torques between samples. With a tenth of a

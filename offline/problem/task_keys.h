@@ -217,6 +217,10 @@ inline constexpr std::array kSolverKeys = {
         "kkt_residual", {1e-12, 1},
         "they end at a [Kuhn-Tucker residual](method.md#local-solution) no larger; for less than "
         "the default, give `tolerance` less, too"),
+    KeyOf<&SolverSettings::prove>(
+        "prove",
+        "whether they go on until then, as `--prove` asks; otherwise only while that takes no "
+        "longer than the search did"),
     KeyOf<&SolverSettings::relative_tolerance>(
         "relative_tolerance", {0, 1, true},
         "screening ends when the cost changes by less than this part of itself"),

@@ -52,6 +52,7 @@ struct Arguments {
   std::optional<std::uint64_t> seed;
   int threads = 1;
   int minima = 0;  ///< Number of starts that are solved to their end for the table; 0: no table.
+  bool prove = false;
   bool keep_best = false;
   bool quiet = false;
 };
@@ -69,6 +70,7 @@ Task Load(const Arguments& arguments, const std::string& path) {
   for (const std::string& other : arguments.complement)
     TakeComplement(task, LoadPrimitive(other), other);
   if (arguments.seed) problem.search.seed = *arguments.seed;
+  if (arguments.prove || arguments.minima > 0) problem.solver.prove = true;
   if (arguments.minima > 0) {
     // This many motions are solved, each from a start of its own and until it converges. A motion
     // that ends early is no minimum, and two that end early never look the same.
@@ -321,6 +323,9 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--minima", arguments.minima,
               "Solve this many starts to the end, and show a table of all minima found")
       .Within(1, 1000);
+  line.Flag("--prove", arguments.prove,
+            "Solve until the motion is at a minimum, by the residual of the task, however long "
+            "that takes; otherwise only where it takes no longer than the search");
   line.Flag("--keep-best", arguments.keep_best,
             "When interrupted, still write the best motion so far");
   line.Flag("--quiet", arguments.quiet, "No progress: only warnings and what was found");

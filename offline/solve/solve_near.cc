@@ -3,7 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "common/core/index.h"
 #include "offline/model/dense_eigen.h"
@@ -16,8 +19,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Radius of the trust region at first, and at most [rad].
-constexpr double kFirstRadius = 0.1, kLargestRadius = 0.5;
+/// Radius of the trust region at most [rad].
+constexpr double kLargestRadius = 0.5;
 /// A radius below this means that no step within rounding helps [rad].
 constexpr double kSmallestRadius = 1e-7;
 /// A step is taken when the merit falls by this part of what the model promises.
@@ -39,8 +42,10 @@ constexpr int kPatienceOnTheWay = 30, kPatience = 100;
 constexpr int kMostForAStep = 4;
 /// Further ones, with which a solve that ends on its budget goes back to its constraints.
 constexpr int kMostOnTheWayBack = 3;
-/// With coarse steps, a motion has nearly converged at this many times the residual that is wanted.
-constexpr double kNearly = 10;
+/// A solve that stalls within so many times the residual that is wanted goes on with finer steps.
+constexpr double kNearMinimum = 100;
+/// By so much finer.
+constexpr double kFinest = 0.01;
 /// Linear limits that are exceeded by less are kept.
 constexpr double kRounding = 1e-9;
 
@@ -61,6 +66,8 @@ MatrixXd Convex(const MatrixXd& B) {
 class SecantMatrix {
  public:
   explicit SecantMatrix(Eigen::Index n) : S_(MatrixXd::Zero(n, n)) {}
+
+  explicit SecantMatrix(MatrixXd known) : S_(std::move(known)) {}
 
   [[nodiscard]] const MatrixXd& matrix() const { return S_; }
   [[nodiscard]] bool empty() const { return S_.isZero(0); }
@@ -123,15 +130,39 @@ struct Progress {
   }
 };
 
+/// A way to a motion's cost and constraints with their derivatives.
+struct Way {
+  template <class Motions>
+  explicit Way(Motions& motions)
+      : outputs(motions.output_count()),
+        run([&motions](std::span<const double> x, OutputGradients& gradients, GaussNewton& model) {
+          return motions.Run(x, gradients, &model);
+        }),
+        evaluations([&motions] { return EvaluationsOf(motions); }) {}
+
+  static std::int64_t EvaluationsOf(const ForwardSensitivity& motions) {
+    return motions.statistics().evaluations;
+  }
+  static std::int64_t EvaluationsOf(const LaneSensitivity& motions) {
+    return motions.evaluations();
+  }
+
+  int outputs;
+  std::function<RolloutResult(std::span<const double>, OutputGradients&, GaussNewton&)> run;
+  std::function<std::int64_t()> evaluations;  ///< Of the dynamics, in the last one.
+};
+
 class NearSolve {
  public:
-  NearSolve(const Problem& problem, int max_evaluations, double enough, NearRollouts& rollouts,
-            const SolveOptions& options, std::vector<Evaluation>* history)
+  /// @param finer  the ways with which it goes on, one after the other; none: it ends on the way.
+  /// @param memory  what is known already, and gets what was learnt; may be null.
+  NearSolve(const Problem& problem, const NearLimits& limits, Way coarse, std::vector<Way> finer,
+            NearMemory* memory, const SolveOptions& options, std::vector<Evaluation>* history)
       : problem_(problem),
-        max_evaluations_(max_evaluations),
-        enough_(enough),
-        rollouts_(rollouts),
-        rollout_(&rollouts.coarse),
+        limits_(limits),
+        way_(std::move(coarse)),
+        finer_(std::move(finer)),
+        memory_(memory),
         options_(options),
         history_(history),
         rows_(DerivativeLimitRows(problem)),
@@ -149,6 +180,11 @@ class NearSolve {
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       if (!rows_[i].of_free_duration) SetHardRow(i, rows_[i]);
     }
+    if (memory == nullptr || memory->secants.size() == 0) return;
+    secants_ = SecantMatrix(memory->secants);
+    multipliers_ = memory->multipliers;
+    price_ = memory->price;
+    radius_ = std::max(memory->radius_rad, kRadiusAfterReset);
   }
 
   Solution Run(std::span<const double> start) {
@@ -158,10 +194,14 @@ class NearSolve {
     Solution best;
     best.start_cost = here.result.cost;
     if (here.result.finite) best.end = Iterate(here);
-    if (here.result.finite && coarse()) {
+    while (here.result.finite && !finer_.empty()) {
+      const bool first_fine = coarse();
+      const bool confirms = limits_.confirm && best.end == SolveEnd::kConverged;
+      if (!first_fine && !confirms && !StallsNearMinimum(best.end, here)) break;
       Refine(here);
       if (here.result.finite && GoesOn(best.end)) best.end = Iterate(here);
     }
+    if (memory_ != nullptr) *memory_ = {secants_.matrix(), multipliers_, price_, radius_};
     if (best.end != SolveEnd::kInterrupted) Restore(here);
     best.x.assign(here.x.begin(), here.x.end());
     best.rollout = here.result;
@@ -193,10 +233,11 @@ class NearSolve {
   /// Leads a motion whose solve ended on the way, a little beyond its constraints, back to where it
   /// keeps them, by the shortest steps.
   void Restore(Point& here) {
-    for (int i = 0; i < kMostOnTheWayBack && evaluations_ < max_evaluations_; ++i) {
+    for (int i = 0; i < kMostOnTheWayBack && evaluations_ < limits_.max_evaluations; ++i) {
       if (!here.result.finite || here.c.size() == 0 || here.c.maxCoeff() <= kNoViolation) return;
       SetHardRowsAt(here.x);
-      QuadraticProgram nearest = Program(here, MatrixXd::Identity(n_, n_), kFirstRadius);
+      QuadraticProgram nearest =
+          Program(here, MatrixXd::Identity(n_, n_), NearMemory::kFirstRadius_rad);
       nearest.g = VectorXd::Zero(n_);
       // Constraints bend, so a step that aims at their edge ends a little beyond it again.
       nearest.soft_value.array() += 0.1 * here.c.maxCoeff() + 0.5 * kNoViolation;
@@ -238,7 +279,7 @@ class NearSolve {
     const double violation =
         LargestViolation(problem_, rows_, {point.x.data(), Index(n_)}, point.result);
     const Evaluation evaluation{
-        false, 0, evaluations_, point.result.cost, violation, rollout_->statistics().evaluations};
+        false, 0, evaluations_, point.result.cost, violation, way_.evaluations()};
     if (history_ != nullptr) history_->push_back(evaluation);
     if (options_.progress) options_.progress(evaluation);
   }
@@ -247,8 +288,8 @@ class NearSolve {
   Point Expand(const VectorXd& x) {
     Point point;
     point.x = x;
-    point.outputs.resize(rollout_->output_count(), n_);
-    point.result = rollout_->Run({x.data(), Index(n_)}, point.outputs, &point.model);
+    point.outputs.resize(way_.outputs, n_);
+    point.result = way_.run({x.data(), Index(n_)}, point.outputs, point.model);
     Count(point);
     point.c = Vector(SimulatedConstraints(problem_, point.result));
     return point;
@@ -261,7 +302,8 @@ class NearSolve {
 
   [[nodiscard]] bool Converged(const Point& here) const {
     return here.c.maxCoeff() <= kNoViolation &&
-           KktAt(here).relative.value() <= (coarse() ? kNearly : 1) * problem_.solver.kkt_residual;
+           KktAt(here).relative.value() <=
+               (coarse() ? limits_.nearly : 1) * problem_.solver.kkt_residual;
   }
 
   [[nodiscard]] Progress ProgressOf(const Point& here) const {
@@ -269,15 +311,22 @@ class NearSolve {
             KktAt(here).relative.value_or(1)};
   }
 
-  [[nodiscard]] bool coarse() const { return rollout_ == &rollouts_.coarse; }
+  [[nodiscard]] bool coarse() const { return !refined_; }
   /// Whether fine steps can still change a motion that ended like this.
   static bool GoesOn(SolveEnd end) {
     return end != SolveEnd::kEvaluations && end != SolveEnd::kInterrupted;
   }
-  /// Looks at the motion with fine steps from now on.
+  /// Whether a solve stopped so near to a minimum that errors of its steps may be what holds it.
+  bool StallsNearMinimum(SolveEnd end, const Point& here) const {
+    return end == SolveEnd::kStalled && here.c.maxCoeff() <= kNoViolation &&
+           KktAt(here).relative.value_or(1) <= kNearMinimum * problem_.solver.kkt_residual;
+  }
+  /// Looks at the motion with finer steps from now on.
   void Refine(Point& here) {
-    rollout_ = &rollouts_.fine;
-    radius_ = std::clamp(radius_, kRadiusAfterReset, kFirstRadius);
+    way_ = std::move(finer_.front());
+    finer_.erase(finer_.begin());
+    refined_ = true;
+    radius_ = std::clamp(radius_, kRadiusAfterReset, NearMemory::kFirstRadius_rad);
     here = Expand(here.x);
   }
 
@@ -301,8 +350,9 @@ class NearSolve {
       const double promised = Promised(here, B, step.p);
       const double size = std::abs(here.Merit(price_));
       const bool keeps = here.c.maxCoeff() <= kNoViolation;
-      if (enough_ > 0 && keeps && !(promised > enough_ * size)) return SolveEnd::kEnough;
-      if (evaluations_ + kMostForAStep + kMostOnTheWayBack > max_evaluations_)
+      const double enough = evaluations_ < limits_.enough_after ? 0 : limits_.enough;
+      if (enough > 0 && keeps && !(promised > enough * size)) return SolveEnd::kEnough;
+      if (evaluations_ + kMostForAStep + kMostOnTheWayBack > limits_.max_evaluations)
         return SolveEnd::kEvaluations;
       if (!(promised > kRoundingOfMerit * size) || radius_ < kSmallestRadius) {
         if (secants_.empty() || coarse() || resets++ == kMostResets) return SolveEnd::kStalled;
@@ -433,10 +483,11 @@ class NearSolve {
   static constexpr int kMostRaises = 8;  // of the price, for one step
 
   const Problem& problem_;
-  int max_evaluations_;
-  double enough_;
-  NearRollouts& rollouts_;
-  ForwardSensitivity* rollout_;  // the one that is used at present
+  NearLimits limits_;
+  Way way_;                 // the one that is used at present
+  std::vector<Way> finer_;  // those that follow
+  bool refined_ = false;    // whether it is not the first any more
+  NearMemory* memory_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
@@ -447,7 +498,7 @@ class NearSolve {
   VectorXd offset_;
   VectorXd lower_, upper_;
   double price_ = 0;
-  double radius_ = kFirstRadius;
+  double radius_ = NearMemory::kFirstRadius_rad;
   int evaluations_ = 0;
 };
 
@@ -458,16 +509,38 @@ StepSettings CoarseSteps(const Problem& problem) {
   return settings;
 }
 
+/// Those with which a solve ends that the task's own do not bring to its end.
+StepSettings FinestSteps(const Problem& problem) {
+  StepSettings settings = AdaptiveSteps(problem);
+  settings.tolerance = std::max(kFinest * settings.tolerance, kFinestTolerance);
+  return settings;
+}
+
 }  // namespace
 
 NearRollouts::NearRollouts(const Problem& problem, const SolveOptions& options)
     : coarse(problem, CoarseSteps(problem), options.contact ? options.contact() : nullptr),
-      fine(problem, AdaptiveSteps(problem), options.contact ? options.contact() : nullptr) {}
+      fine(problem, AdaptiveSteps(problem), options.contact ? options.contact() : nullptr),
+      finest(problem, FinestSteps(problem), options.contact ? options.contact() : nullptr) {}
+
+Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
+                   NearRollouts& rollouts, const SolveOptions& options,
+                   std::vector<Evaluation>* history, NearMemory* memory) {
+  return NearSolve(problem, limits, Way(rollouts.coarse),
+                   {Way(rollouts.fine), Way(rollouts.finest)}, memory, options, history)
+      .Run(start);
+}
 
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
                    double enough, NearRollouts& rollouts, const SolveOptions& options,
                    std::vector<Evaluation>* history) {
-  return NearSolve(problem, max_evaluations, enough, rollouts, options, history).Run(start);
+  return SolveNear(problem, start, {max_evaluations, enough}, rollouts, options, history);
+}
+
+Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
+                   LaneSensitivity& lanes, const SolveOptions& options,
+                   std::vector<Evaluation>* history, NearMemory* memory) {
+  return NearSolve(problem, limits, Way(lanes), {}, memory, options, history).Run(start);
 }
 
 }  // namespace tumbler

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
 
 #include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/lane_sensitivity.h"
 #include "offline/solve/solver.h"
 
 namespace tumbler {
@@ -14,6 +16,34 @@ struct NearRollouts {
 
   ForwardSensitivity coarse;  ///< On the way.
   ForwardSensitivity fine;    ///< At its end, and what is returned.
+  /// Where the solve stalls so near to a minimum that errors of the steps may be what holds it.
+  ForwardSensitivity finest;
+};
+
+/// When a solve ends at the latest.
+struct NearLimits {
+  int max_evaluations = 300;  ///< Of cost and gradient; below 2, there are 2.
+  /// It ends when a step promises to lower the cost by less than this part of it, and no constraint
+  /// is violated. 0: only when the motion has converged, or no step helps.
+  double enough = 0;
+  /// So many evaluations are taken before that.
+  int enough_after = 0;
+  /// On the way, a motion has nearly converged at this many times the residual that is wanted.
+  double nearly = 10;
+  /// Whether a motion that has converged is solved on with the finest steps, until it has by these.
+  bool confirm = false;
+};
+
+/// What a solve has learnt of a motion's surroundings: another goes on with it, also one that
+/// computes its derivatives in another way. Empty before the first.
+struct NearMemory {
+  /// Radius of the trust region at first [rad].
+  static constexpr double kFirstRadius_rad = 0.1;
+
+  Eigen::MatrixXd secants;
+  Eigen::VectorXd multipliers;  ///< Of the simulated constraints.
+  double price = 0;
+  double radius_rad = kFirstRadius_rad;
 };
 
 /// Solves from a start that is near a solution, and stays near it, by sequential quadratic
@@ -39,16 +69,29 @@ struct NearRollouts {
 /// minimum, exact derivatives would not shorten the way. A motion has converged when its
 /// KktResidual::relative is at most `solver.kkt_residual` with the latter.
 ///
-/// @param max_evaluations  most evaluations of cost and gradient; below 2, there are 2.
-/// @param enough           ends when a step promises to lower the cost by less than this part of
-/// it, and no constraint is violated. 0: only when the motion has converged, or no step helps.
-/// @param history          gets the evaluations appended; may be null.
+/// A solve that stalls within a hundred times that goes on with a tolerance 100 times finer.
+///
+/// @param history  gets the evaluations appended; may be null.
+/// @param memory   what is known already, and gets what is learnt; may be null.
+Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
+                   NearRollouts& rollouts, const SolveOptions& options,
+                   std::vector<Evaluation>* history, NearMemory* memory = nullptr);
+/// The same, with `enough` from the first evaluation on.
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
                    double enough, NearRollouts& rollouts, const SolveOptions& options,
                    std::vector<Evaluation>* history);
 
+/// The same with the derivatives of lanes alone, which ends on the way: as soon as the residual is
+/// within ten times what is asked for, nothing comes of it any more, or the evaluations are used
+/// up.
+Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
+                   LaneSensitivity& lanes, const SolveOptions& options,
+                   std::vector<Evaluation>* history, NearMemory* memory = nullptr);
+
 /// The largest error in a step far from a minimum, as `solver.tolerance` is near it, unless that is
 /// larger. With 1e-5, solves take as long, because steps mislead more often.
 inline constexpr double kCoarseTolerance = 1e-6;
+/// A tolerance below this is lost in rounding.
+inline constexpr double kFinestTolerance = 1e-12;
 
 }  // namespace tumbler

@@ -6,10 +6,14 @@
 #include <limits>
 #include <map>
 #include <mutex>
+#include <numeric>
+#include <span>
 
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
 #include "offline/solve/guess.h"
+#include "offline/solve/lane_rollout.h"
+#include "offline/solve/lane_sensitivity.h"
 #include "offline/solve/random_starts.h"
 #include "offline/solve/ranked_motion.h"
 #include "offline/solve/solve_near.h"
@@ -26,6 +30,8 @@ const char* ToString(SolveEnd end) {
       return "stopped making progress";
     case SolveEnd::kEnough:
       return "good as asked; the next step would lower the cost by less than a tenth";
+    case SolveEnd::kUnproved:
+      return "as asked; whether it is at a minimum was not proved, which --prove asks for";
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
     case SolveEnd::kGenerations:
@@ -51,6 +57,35 @@ constexpr std::array kEnoughOfGuess = {0.1, 1e-3, 0.0};
 /// So many further starts are tried where none has converged, though motions are good otherwise.
 constexpr int kMoreStarts = 2;
 
+/// Without a proof that is asked for, a solve goes on to the minimum for as long as the search took
+/// that led to it, and from then on until a step promises less than this part of the cost.
+constexpr double kEnoughWithoutProof = 1e-3;
+/// The price of an evaluation of the dynamics with sensitivities, in those of a packet of motions.
+constexpr double kPriceOfSensitivities = 3;
+/// A screening in lanes takes as many evaluations more than one with SLSQP, each of which is
+/// cheaper.
+constexpr int kLaneEvaluations = 2;
+/// What was screened in lanes goes on in them with the adaptive steps of where it is, which are
+/// chosen anew so many times, with so many evaluations each, and to this many times the residual
+/// that is wanted.
+constexpr int kGridRounds = 3, kGridEvaluations = 32;
+constexpr double kNearlyOnGrid = 2;
+/// So much work is never too dear for a proof: evaluations of the dynamics of packets, half a
+/// second to one.
+constexpr double kWorkOfAProof = 1.5e6;
+/// At least so many batches of samples are drawn at a time in lanes, unless so many samples are
+/// promising for each that is screened.
+constexpr int kLaneBatches = 4, kManyPromising = 2;
+/// What lanes leave this far beyond a limit is given up.
+constexpr double kBeyondLimits = 0.02;
+/// Fewer evaluations than this change nothing.
+constexpr int kFewest = 5;
+/// What is not good enough after so many evaluations beyond those that are affordable is given up.
+constexpr int kMostWithoutProof = 40;
+
+/// A motion that is away from cliffs may cost more than another that is not, by this part.
+constexpr double kDearerForCalm = 0.5;
+
 /// The order of solutions, best first. One that has converged comes before one that has not, unless
 /// its cost is more than twice as high.
 bool Better(const Solution& a, const Solution& b) {
@@ -58,6 +93,11 @@ bool Better(const Solution& a, const Solution& b) {
   if (a.feasible() != b.feasible()) return a.feasible();
   if (a.refused != b.refused) return b.refused;
   if (!a.feasible()) return a.constraint_violation < b.constraint_violation;
+  if (a.beside_cliff != b.beside_cliff) {
+    const Solution &calm = a.beside_cliff ? b : a, &other = a.beside_cliff ? a : b;
+    const double more = kDearerForCalm * std::abs(other.rollout.cost);
+    return (calm.rollout.cost <= other.rollout.cost + more) == b.beside_cliff;
+  }
   const bool a_ended = a.end == SolveEnd::kConverged, b_ended = b.end == SolveEnd::kConverged;
   if (a_ended == b_ended) return a.rollout.cost < b.rollout.cost;
   const Solution &minimum = a_ended ? a : b, &other = a_ended ? b : a;
@@ -70,7 +110,10 @@ bool Better(const Solution& a, const Solution& b) {
 class Campaign {
  public:
   Campaign(const Problem& problem, const SolveOptions& options)
-      : problem_(problem), options_(options), starts_(problem) {}
+      : problem_(problem), options_(options), starts_(problem) {
+    if (options.contact || LaneRollout::WhyNot(problem)) return;
+    for (int t = 0; t < std::max(1, options.threads); ++t) lanes_.emplace_back(problem);
+  }
 
   SolveOutcome Run() {
     // A screened motion can still turn out to lie in one of the flat basins, or fall back into one
@@ -100,24 +143,77 @@ class Campaign {
     return rollouts;
   }
 
+  /// What ranks and improves motions in lanes.
+  struct Lanes {
+    explicit Lanes(const Problem& problem)
+        : estimate(problem, problem.search.step_s, LanePlan::Scheme::kSemiImplicitEuler),
+          solver(problem, problem.solver.screen_step_s, LanePlan::Scheme::kRungeKutta),
+          sensitivity(problem, problem.solver.screen_step_s) {}
+
+    LaneRollout estimate, solver;
+    LaneSensitivity sensitivity;
+  };
+
+  enum class Accuracy { kEstimate, kSolver };
+
+  /// Ranks samples by simulating them.
+  void Rank(std::span<const std::size_t> samples, Accuracy accuracy) {
+    const bool estimates = accuracy == Accuracy::kEstimate;
+    const auto take = [&](std::size_t i, const RolloutResult& result) {
+      samples_[i].SetRank(problem_, result);
+      if (!estimates) return;
+      const std::lock_guard<std::mutex> lock(mutex_);
+      best_rank_ = std::min(best_rank_, samples_[i].rank);
+      if (options_.progress) options_.progress({true, 0, ++sampled_, best_rank_, 0});
+    };
+    if (lanes_.empty()) {
+      std::vector<Rollout> rollouts =
+          MakeRollouts(estimates ? problem_.search.step_s : problem_.solver.screen_step_s);
+      ParallelFor(static_cast<int>(samples.size()), options_.threads, [&](int k, int thread) {
+        if (interrupted()) return;
+        const std::size_t i = samples[Index(k)];
+        Rollout& rollout = rollouts[Index(thread)];
+        const std::vector<double> x = starts_.Draw(i);
+        take(i, estimates ? rollout.Estimate(x) : rollout.Run(x));
+      });
+      return;
+    }
+    const std::size_t packets = (samples.size() + Packet::kLanes - 1) / Packet::kLanes;
+    ParallelFor(static_cast<int>(packets), options_.threads, [&](int k, int thread) {
+      if (interrupted()) return;
+      const std::span<const std::size_t> packet =
+          samples.subspan(Packet::kLanes * Index(k),
+                          std::min(Packet::kLanes, samples.size() - Packet::kLanes * Index(k)));
+      std::vector<std::vector<double>> x;
+      for (const std::size_t i : packet) x.push_back(starts_.Draw(i));
+      Lanes& lanes = lanes_[Index(thread)];
+      const std::vector<RolloutResult> results = (estimates ? lanes.estimate : lanes.solver).Run(x);
+      for (std::size_t lane = 0; lane < packet.size(); ++lane) take(packet[lane], results[lane]);
+    });
+    const Lanes& any = lanes_.front();
+    work_ += static_cast<double>(packets) *
+             static_cast<double>((estimates ? any.estimate : any.solver).evaluations());
+  }
+
   /// Draws samples until this many are promising.
   void Draw(int promising) {
-    std::vector<Rollout> estimates = MakeRollouts(problem_.search.step_s);
-    std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.screen_step_s);
+    // In lanes, many samples cost as much as a screening of one, which the best of many need not.
+    const std::size_t first_sample = samples_.size();
+    const auto enough = [&] {
+      const int found = CountPromising(samples_);
+      const auto drawn = static_cast<int>(samples_.size() - first_sample);
+      return found >= promising &&
+             (lanes_.empty() || drawn >= kLaneBatches * problem_.search.batch ||
+              found >= kManyPromising * problem_.search.refine);
+    };
     while (static_cast<int>(samples_.size()) < problem_.search.max_samples && !interrupted() &&
-           CountPromising(samples_) < promising) {
+           !enough()) {
       const int first = static_cast<int>(samples_.size());
       const int count = std::min(problem_.search.batch, problem_.search.max_samples - first);
       samples_.resize(samples_.size() + Index(count));
-      ParallelFor(count, options_.threads, [&](int k, int thread) {
-        if (interrupted()) return;
-        const auto i = Index(first + k);
-        const std::vector<double> x = starts_.Draw(i);
-        samples_[i].SetRank(problem_, estimates[Index(thread)].Estimate(x));
-        const std::lock_guard<std::mutex> lock(mutex_);
-        best_rank_ = std::min(best_rank_, samples_[i].rank);
-        if (options_.progress) options_.progress({true, 0, ++sampled_, best_rank_, 0});
-      });
+      std::vector<std::size_t> batch(Index(count));
+      std::iota(batch.begin(), batch.end(), Index(first));
+      Rank(batch, Accuracy::kEstimate);
       // Samples that the estimate finds good are ranked again by the local solver's own method.
       std::vector<std::size_t> good;
       const double limit = PromisingRank(samples_);
@@ -125,12 +221,7 @@ class Campaign {
         if (samples_[i].IsPromising(limit) && !samples_[i].confirmed) good.push_back(i);
       }
       for (const std::size_t i : good) samples_[i].confirmed = true;
-      ParallelFor(static_cast<int>(good.size()), options_.threads, [&](int k, int thread) {
-        if (interrupted()) return;
-        const std::size_t i = good[Index(k)];
-        const std::vector<double> x = starts_.Draw(i);
-        samples_[i].SetRank(problem_, rollouts[Index(thread)].Run(x));
-      });
+      Rank(good, Accuracy::kSolver);
     }
   }
 
@@ -150,19 +241,62 @@ class Campaign {
     const std::size_t first = solutions_.size();
     solutions_.resize(first + order.size());
     histories_.resize(solutions_.size());
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      solutions_[first + k].start = static_cast<int>(first + k);
+      solutions_[first + k].x = starts_.Draw(order[k]);
+    }
+    if (lanes_.empty()) {
+      ScreenEach(first);
+    } else {
+      ScreenInLanes(first);
+    }
+    for (const std::size_t i : order) samples_[i].screened = true;
+  }
+
+  /// Screens the solutions from `first` on by SLSQP.
+  void ScreenEach(std::size_t first) {
     std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.screen_step_s);
     const int budget =
         std::min(problem_.solver.screen_evaluations, problem_.solver.max_evaluations);
-    ParallelFor(static_cast<int>(order.size()), options_.threads, [&](int k, int thread) {
-      Solution& solution = solutions_[first + Index(k)];
-      solution.start = static_cast<int>(first) + k;
-      solution.x = starts_.Draw(order[Index(k)]);
-      SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
-        return SolveFrom(problem_, solution.x, budget, rollouts[Index(thread)], local, history,
-                         Digits::kThatRoundingSpares);
+    ParallelFor(
+        static_cast<int>(solutions_.size() - first), options_.threads, [&](int k, int thread) {
+          Solution& solution = solutions_[first + Index(k)];
+          SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+            return SolveFrom(problem_, solution.x, budget, rollouts[Index(thread)], local, history,
+                             Digits::kThatRoundingSpares);
+          });
+        });
+  }
+
+  /// The same in lanes, as a race: after half of the evaluations the better half goes on, and of
+  /// these after as many again, with twice as many.
+  void ScreenInLanes(std::size_t first) {
+    std::vector<std::size_t> racing(solutions_.size() - first);
+    std::iota(racing.begin(), racing.end(), first);
+    std::vector<NearMemory> memory(racing.size());
+    std::vector<RankedMotion> ranks(racing.size());
+    const int budget =
+        std::min(problem_.solver.screen_evaluations, problem_.solver.max_evaluations);
+    for (const int evaluations : {(budget + 1) / 2, (budget + 1) / 2, budget}) {
+      ParallelFor(static_cast<int>(racing.size()), options_.threads, [&](int k, int thread) {
+        const std::size_t i = racing[Index(k)];
+        Solution& solution = solutions_[i];
+        SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+          return SolveNear(problem_, solution.x, NearLimits{evaluations},
+                           lanes_[Index(thread)].sensitivity, local, history, &memory[i - first]);
+        });
+        ranks[i - first].SetRank(problem_, solution.rollout);
       });
-    });
-    for (const std::size_t i : order) samples_[i].screened = true;
+      work_ += static_cast<double>(racing.size()) * evaluations *
+               static_cast<double>(lanes_.front().sensitivity.packet_evaluations());
+      std::stable_sort(racing.begin(), racing.end(), [&](std::size_t a, std::size_t b) {
+        return ranks[a - first].rank < ranks[b - first].rank;
+      });
+      if (racing.empty() || interrupted()) return;
+      const Solution& leader = solutions_[racing.front()];
+      if (leader.end == SolveEnd::kConverged && leader.constraint_violation <= kNoViolation) break;
+      racing.resize((racing.size() + 1) / 2);
+    }
   }
 
   enum class Candidates { kPromising, kAll };
@@ -184,41 +318,110 @@ class Campaign {
       if (next.empty()) return;
       std::stable_sort(next.begin(), next.end(),
                        [](const Solution* a, const Solution* b) { return Better(*a, *b); });
+      const int before = tried();
       next.resize(std::min({next.size(), Index(missing()), Index(tries_left())}));
       ParallelFor(static_cast<int>(next.size()), options_.threads, [&](int k, int thread) {
         Solution& solution = *next[Index(k)];
-        const int budget = std::max(1, problem_.solver.max_evaluations - solution.evaluations);
-        SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
-          return SolveNear(problem_, solution.x, budget, 0, rollouts[Index(thread)], local,
-                           history);
-        });
+        SolveToEnd(solution, rollouts[Index(thread)], before);
         solution.finished = true;
         const bool counts = candidates == Candidates::kAll || IsPromising(solution, limit);
         if (options_.accept && solution.feasible() && counts && !interrupted())
           solution.refused = !options_.accept(solution);
+        if (options_.calm && solution.feasible() && !solution.refused && counts && !interrupted())
+          solution.beside_cliff = !options_.calm(solution);
       });
     }
   }
 
-  /// Number of finished motions that are still wanted: those that have converged count, and all
-  /// good ones when there are more of them by kMoreStarts than wanted.
+  /// Solves a screened motion with the final steps: to a minimum, or as far as it is worth while.
+  /// @param before  how many were solved before it.
+  void SolveToEnd(Solution& solution, NearRollouts& rollouts, int before) {
+    NearLimits limits;
+    limits.max_evaluations = std::max(1, problem_.solver.max_evaluations - screened(solution));
+    limits.confirm = problem_.solver.prove;
+    if (!lanes_.empty()) {
+      const double price = kPriceOfSensitivities * PacketEvaluations(problem_.solver.step_s);
+      double left = problem_.solver.prove ? std::numeric_limits<double>::infinity()
+                                          : std::max(work_ / (1 + before), kWorkOfAProof);
+      NearMemory memory;
+      for (int round = 0; round < kGridRounds && left > 0 && !interrupted(); ++round) {
+        if (!SolveOnGrid(solution, rollouts, memory, left)) break;
+      }
+      if (solution.constraint_violation > kBeyondLimits) return;
+      if (!problem_.solver.prove) {
+        limits.enough = kEnoughWithoutProof;
+        limits.enough_after = static_cast<int>(std::clamp(left / price, 0.0, 1e6));
+        limits.max_evaluations =
+            std::min(limits.max_evaluations, limits.enough_after + kMostWithoutProof);
+      }
+    }
+    SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+      return SolveNear(problem_, solution.x, limits, rollouts, local, history);
+    });
+    const bool out_of_work =
+        solution.end == SolveEnd::kEnough || solution.end == SolveEnd::kEvaluations;
+    if (limits.enough > 0 && out_of_work && solution.feasible()) solution.end = SolveEnd::kUnproved;
+  }
+
+  /// Solves a motion on in lanes, with the adaptive steps of where it is now, so that derivatives
+  /// are nearly those of the solve that follows.
+  /// @param memory  of the rounds before.
+  /// @param left    evaluations of the dynamics that it may take; gets what is left.
+  /// @returns whether that changed the motion.
+  bool SolveOnGrid(Solution& solution, NearRollouts& rollouts, NearMemory& memory, double& left) {
+    OutputGradients gradients = OutputGradients::Of(rollouts.coarse);
+    if (!rollouts.coarse.Run(solution.x, gradients).finite) return false;
+    left -= kPriceOfSensitivities * static_cast<double>(rollouts.coarse.statistics().evaluations);
+    LaneSensitivity lanes(problem_, rollouts.coarse.grid());
+    const double each = static_cast<double>(lanes.packet_evaluations());
+    NearLimits limits;
+    limits.max_evaluations =
+        static_cast<int>(std::min(left / each, static_cast<double>(kGridEvaluations)));
+    limits.nearly = kNearlyOnGrid;
+    if (limits.max_evaluations < kFewest) return false;
+    const int before = solution.evaluations;
+    SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+      return SolveNear(problem_, solution.x, limits, lanes, local, history, &memory);
+    });
+    const int taken = solution.evaluations - before;
+    left -= each * taken;
+    return solution.end != SolveEnd::kConverged || taken > kFewest;
+  }
+
+  /// Evaluations of the dynamics of a rollout with equal steps by the classical method.
+  [[nodiscard]] double PacketEvaluations(double step_s) const {
+    return 4 * (problem_.duration_s + problem_.settle_s) / step_s;
+  }
+
+  /// The evaluations of its budget that the screening of a motion took.
+  [[nodiscard]] int screened(const Solution& solution) const {
+    return lanes_.empty() ? solution.evaluations
+                          : (solution.evaluations + kLaneEvaluations - 1) / kLaneEvaluations;
+  }
+  /// Number of finished motions that are still wanted: those that have converged away from cliffs
+  /// count, and all good ones when there are more of them by kMoreStarts than wanted.
   [[nodiscard]] int missing() const {
     const double limit = PromisingRank(samples_);
-    int good = 0, converged = 0;
+    int good = 0, calm = 0, converged = 0;
     for (const Solution& solution : solutions_) {
       if (!solution.finished || !solution.feasible() || solution.refused) continue;
       if (!IsPromising(solution, limit)) continue;
       ++good;
+      if (solution.beside_cliff) continue;
+      ++calm;
       if (solution.end == SolveEnd::kConverged) ++converged;
     }
+    // The best of those that were screened is enough where no proof is asked for.
+    if (!problem_.solver.prove && !lanes_.empty()) return calm > 0 || good > kMoreStarts ? 0 : 1;
     const int wanted = problem_.solver.finalists;
     return good >= wanted + kMoreStarts ? 0 : std::max(0, wanted - converged);
   }
   /// Number of motions that may still be finished. It bounds the time that a hopeless task takes.
   [[nodiscard]] int tries_left() const {
-    const auto tried = std::count_if(solutions_.begin(), solutions_.end(),
-                                     [](const Solution& solution) { return solution.finished; });
-    return problem_.solver.finalists + problem_.search.refine - static_cast<int>(tried);
+    return problem_.solver.finalists + problem_.search.refine - tried();
+  }
+  [[nodiscard]] int tried() const {
+    return static_cast<int>(std::ranges::count_if(solutions_, &Solution::finished));
   }
 
   SolveOutcome CollectOutcome() {
@@ -278,6 +481,8 @@ class Campaign {
   const SolveOptions& options_;
   RandomStarts starts_;
   std::mutex mutex_;
+  std::vector<Lanes> lanes_;  // by thread; none where lanes do not cover the problem
+  double work_ = 0;           // of the search, in evaluations of the dynamics of packets
   std::vector<RankedMotion> samples_;
   double best_rank_ = std::numeric_limits<double>::infinity();
   std::int64_t sampled_ = 0;
@@ -323,6 +528,8 @@ class Refinement {
     found.finished = true;
     if (options_.accept && found.feasible() && !interrupted())
       found.refused = !options_.accept(found);
+    if (options_.calm && found.feasible() && !found.refused && !interrupted())
+      found.beside_cliff = !options_.calm(found);
     solution = std::move(found);
   }
   [[nodiscard]] std::vector<Evaluation>& history() { return history_; }

@@ -32,8 +32,11 @@ enum class SolveEnd {
   kConverged,  ///< The Kuhn-Tucker condition holds: KktResidual::relative is small enough.
   /// The same, but with finer steps KktResidual::relative is larger.
   kConvergedCoarsely,
-  kStalled,      ///< The cost stopped falling before that.
-  kEnough,       ///< A further step promised less than the caller asked for: near a guess.
+  kStalled,  ///< The cost stopped falling before that.
+  kEnough,   ///< A further step promised less than the caller asked for: near a guess.
+  /// The same, or the work that a proof is worth was done: it keeps its limits, and may or may not
+  /// be at a minimum (SolverSettings::prove).
+  kUnproved,
   kEvaluations,  ///< The evaluation budget is used up.
   kGenerations,  ///< A robust search is over: its generations, or that they gain anything.
   kTaken,        ///< Nothing was searched: a guess is taken as it is.
@@ -77,6 +80,8 @@ struct Solution {
   bool core_reached = false;
   /// Whether it keeps all limits and `SolveOptions::accept` refused it.
   bool refused = false;
+  /// Whether it was accepted, and `SolveOptions::calm` says that a cliff of the cost is near.
+  bool beside_cliff = false;
 
   /// Whether all limits hold, and the contact model with them.
   [[nodiscard]] bool feasible() const {
@@ -86,7 +91,7 @@ struct Solution {
 };
 
 /// Options of `Solve`. They do not change the result, unless it is interrupted, `contact` gives
-/// another contact model, or `accept` refuses a motion.
+/// another contact model, or `accept` or `calm` objects to a motion.
 struct SolveOptions {
   int threads = 1;
   /// Set it from any thread to stop early; may be null.
@@ -96,6 +101,10 @@ struct SolveOptions {
   /// Judges a finished motion that keeps all limits, from any thread and by several at a time;
   /// empty: takes every one. The search goes on in place of a motion that it refuses.
   std::function<bool(const Solution&)> accept;
+  /// Judges whether an accepted motion is away from cliffs of the cost, likewise; empty: all are.
+  /// Of motions that are as asked one that is away from them is preferred, unless it costs more by
+  /// half, and two more are tried for it.
+  std::function<bool(const Solution&)> calm;
   /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
   std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };
@@ -113,9 +122,10 @@ struct SolveOutcome {
 };
 
 /// Finds a motion without a guess: by a global search over random splines, a few iterations of
-/// SLSQP (NLopt) from the best of them, and SolveNear from the best of what comes of that, until
-/// `solver.finalists` motions have converged. A joint with more than 12 control points is searched
-/// for with 12, and what is found is refined with all of them.
+/// SolveNear in lanes from the best of them, or of SLSQP (NLopt) where lanes do not cover the
+/// problem, and SolveNear from the best of what comes of that: until one motion is as asked, or
+/// with `solver.prove` until `solver.finalists` motions have converged. A joint with more than 12
+/// control points is searched for with 12, and what is found is refined with all of them.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
 /// Finds the motion near a guess: by SolveNear from there, without a search. It ends as soon as a

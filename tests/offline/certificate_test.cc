@@ -39,7 +39,7 @@ const Solved& TheSolution() {
 TEST(CheckGradient, FindsTheRolloutsGradientRightAtEveryStep) {
   const Solved& s = TheSolution();
   for (const double error : CheckGradient(s.task.problem, s.best.x).errors) EXPECT_LT(error, 1e-3);
-  EXPECT_LT(CheckGradient(s.task.problem, s.best.x).relative_error(), 1e-5);
+  EXPECT_LT(CheckGradient(s.task.problem, s.best.x).relative_error(), 1e-4);
 }
 
 TEST(CompareGradient, SeesAWrongGradient) {

@@ -48,6 +48,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, MinimumOfTask,
 TEST_P(MinimumOfTask, IsOneAlsoByAFinerIntegration) {
   Problem problem = Nominal(GetParam().task);
   problem.search.seed = GetParam().seed;
+  problem.solver.prove = true;
   const SolveOutcome outcome = Solve(problem, WithSecondLook(problem));
   ASSERT_FALSE(outcome.solutions.empty());
   const Solution& best = outcome.solutions.front();

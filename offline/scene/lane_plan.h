@@ -1,0 +1,191 @@
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <span>
+
+#include "offline/scene/lane_dynamics.h"
+#include "offline/scene/lane_plan_kernel.h"
+#include "offline/scene/tableau.h"
+
+namespace tumbler {
+inline namespace TUMBLER_LANES_NAMESPACE {
+
+/// Plans of robots whose joints are prescribed by splines. P is the type of a lane's numbers in
+/// memory, S that of the vectors, of the same size.
+template <class P, class S>
+class LanePlanRun {
+ public:
+  LanePlanRun(const LaneModel& model, const LaneRobot<S>& robot, const LanePlan& plan,
+              std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record)
+      : model_(model),
+        plan_(plan),
+        points_(points),
+        record_(record),
+        dynamics_(model, robot),
+        state_(std::bit_cast<LaneState<S>>(start)),
+        effort_(S(0)),
+        largest_(S(0)) {}
+
+  void Run() {
+    std::size_t look = 0;
+    SetPath(0);
+    for (std::size_t step = 0; step < plan_.steps.size(); ++step) {
+      if (step == plan_.motion_steps) Hold();
+      Look(step, look);
+      switch (plan_.scheme) {
+        case LanePlan::Scheme::kRungeKutta:
+          StepRungeKutta<kClassical>(step);
+          break;
+        case LanePlan::Scheme::kFifthOrder:
+          StepRungeKutta<kDormandPrince>(step);
+          break;
+        case LanePlan::Scheme::kSemiImplicitEuler:
+          StepEuler(step);
+          break;
+      }
+      for (std::size_t d = 0; d < 3; ++d) {
+        largest_ = Max(largest_, Max(state_.q[d], -state_.q[d]));
+        largest_ = Max(largest_, Max(state_.v[d], -state_.v[d]));
+      }
+    }
+    Look(plan_.steps.size(), look);
+    record_.effort = std::bit_cast<P>(effort_);
+    record_.largest = std::bit_cast<P>(largest_);
+  }
+
+ private:
+  /// The root's place and velocity, or their derivatives.
+  struct Root {
+    S q[3], v[3];
+  };
+
+  void Look(std::size_t step, std::size_t& look) {
+    for (; look < plan_.looks.size() && plan_.looks[look] == step; ++look)
+      record_.at_look[look] = std::bit_cast<LaneState<P>>(state_);
+  }
+
+  /// Puts the joints where they are at a point of the motion.
+  void SetPath(std::size_t point) {
+    for (std::size_t j = 0; j < model_.joints; ++j) {
+      const LanePathWeights& w = plan_.paths[j][point];
+      const P* const first = points_.data() + plan_.first_point[j] + w.first;
+      S q(0), v(0), a(0);
+      for (std::size_t i = 0; i < plan_.weights; ++i) {
+        const S c = std::bit_cast<S>(first[i]);
+        q += S(w.of[0][i]) * c;
+        v += S(w.of[1][i]) * c;
+        a += S(w.of[2][i]) * c;
+      }
+      state_.q[j + 3] = q;
+      state_.v[j + 3] = v;
+      acceleration_[j] = a;
+    }
+  }
+
+  /// Puts the joints where they are held.
+  void Hold() {
+    for (std::size_t j = 0; j < model_.joints; ++j) {
+      state_.q[j + 3] = std::bit_cast<S>(points_[plan_.last_point[j]]);
+      state_.v[j + 3] = S(0);
+      acceleration_[j] = S(0);
+    }
+  }
+
+  /// The root's derivative in the present state. Torques are in tau_.
+  void Slope(Root& k) {
+    for (std::size_t j = 0; j < model_.joints; ++j) qdd_[j + 3] = acceleration_[j];
+    dynamics_.AcceleratePrescribed(state_, tau_, qdd_);
+    for (std::size_t d = 0; d < 3; ++d) {
+      k.q[d] = state_.v[d];
+      k.v[d] = qdd_[d];
+    }
+  }
+
+  void Record(std::size_t stage) {
+    record_.depth[stage] = std::bit_cast<P>(dynamics_.depth());
+    for (std::size_t j = 0; j < model_.joints; ++j)
+      record_.torque[stage * model_.joints + j] = std::bit_cast<P>(tau_[j + 3]);
+  }
+
+  void AddEffort(double weight) {
+    S sum(0);
+    for (std::size_t j = 0; j < model_.joints; ++j) sum += tau_[j + 3] * tau_[j + 3];
+    effort_ += S(weight) * sum;
+  }
+
+  /// The root at `from` and a step beyond it, along the slopes of `count` stages with weights.
+  Root Beyond(const Root& from, double h_s, const Tableau::Row& weights, std::size_t count,
+              const Root* k) const {
+    Root to = from;
+    for (std::size_t r = 0; r < count; ++r) {
+      if (weights[r] == 0) continue;
+      const S weight(h_s * weights[r]);
+      for (std::size_t d = 0; d < 3; ++d) {
+        to.q[d] += weight * k[r].q[d];
+        to.v[d] += weight * k[r].v[d];
+      }
+    }
+    return to;
+  }
+  void Place(const Root& root) {
+    for (std::size_t d = 0; d < 3; ++d) {
+      state_.q[d] = root.q[d];
+      state_.v[d] = root.v[d];
+    }
+  }
+
+  template <const Tableau& kScheme>
+  void StepRungeKutta(std::size_t step) {
+    constexpr std::size_t kStages = kScheme.own_stages();
+    const double h_s = plan_.steps[step];
+    Root from, k[kStages];
+    for (std::size_t d = 0; d < 3; ++d) {
+      from.q[d] = state_.q[d];
+      from.v[d] = state_.v[d];
+    }
+    std::size_t point = plan_.points_per_step * step;
+    for (std::size_t s = 0; s < kStages; ++s) {
+      if (s > 0 && kScheme.c[s] != kScheme.c[s - 1] && step < plan_.motion_steps) SetPath(++point);
+      if (s > 0) Place(Beyond(from, h_s, kScheme.a[s], s, k));
+      Slope(k[s]);
+      Record(kStages * step + s);
+      AddEffort(h_s * kScheme.b[s]);
+    }
+    Place(Beyond(from, h_s, kScheme.b, kStages, k));
+  }
+
+  void StepEuler(std::size_t step) {
+    const S h(plan_.steps[step]);
+    Root k;
+    Slope(k);
+    Record(step);
+    AddEffort(plan_.steps[step]);
+    for (std::size_t d = 0; d < 3; ++d) {
+      state_.v[d] += h * k.v[d];
+      state_.q[d] += h * state_.v[d];
+    }
+    if (step < plan_.motion_steps) SetPath(plan_.points_per_step * (step + 1));
+  }
+
+  const LaneModel& model_;
+  const LanePlan& plan_;
+  std::span<const P> points_;
+  LanePlanRecord<P>& record_;
+  LaneDynamics<S> dynamics_;
+  LaneState<S> state_;
+  std::array<S, LaneModel::kMaxJoints> acceleration_;
+  typename LaneDynamics<S>::Numbers tau_{}, qdd_{};
+  S effort_, largest_;
+};
+
+/// Adapts LanePlanKernel::run.
+template <class P, class S>
+void RunLanePlans(const LaneModel& model, const LaneRobot<P>& given, const LanePlan& plan,
+                  std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record) {
+  const auto robot = std::bit_cast<LaneRobot<S>>(given);
+  LanePlanRun<P, S>(model, robot, plan, points, start, record).Run();
+}
+
+}  // namespace TUMBLER_LANES_NAMESPACE
+}  // namespace tumbler

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "offline/scene/lane_robot.h"
+#include "offline/scene/packet.h"
+
+namespace tumbler {
+
+/// The weights of a joint's control points in its position, velocity and acceleration at one time.
+struct LanePathWeights {
+  static constexpr std::size_t kMost = 8;  ///< Degree 7.
+  std::size_t first = 0;                   ///< The control point that the first weight is for.
+  std::array<std::array<double, kMost>, 3> of{};
+};
+
+/// The steps of plans in lanes, which all lanes share: motions whose joints are prescribed, and
+/// then held at their ends.
+struct LanePlan {
+  enum class Scheme {
+    kRungeKutta,         ///< kClassical (tableau.h).
+    kFifthOrder,         ///< kDormandPrince, without its error estimate.
+    kSemiImplicitEuler,  ///< One evaluation of the dynamics for each step.
+  };
+  Scheme scheme = Scheme::kRungeKutta;
+  std::size_t stages = 4;           ///< Of a step of the scheme.
+  std::size_t points_per_step = 2;  ///< As Timetable's.
+  std::vector<double> steps;        ///< Their lengths [s].
+  std::size_t motion_steps = 0;     ///< So many of them; joints are held in the others.
+  /// The steps before which the state is kept, in their order; the number of all steps is the end.
+  std::vector<std::size_t> looks;
+  std::size_t weights = 0;  ///< Of a path at one time: its degree and one.
+  /// For each joint, the index of its first control point among those of all joints.
+  std::array<std::size_t, LaneModel::kMaxJoints> first_point{};
+  /// For each joint, its weights at the points of each step of the motion, one after the other, and
+  /// at its end: points_per_step motion_steps + 1.
+  std::array<std::span<const LanePathWeights>, LaneModel::kMaxJoints> paths;
+  /// Where each joint is held: at its last control point.
+  std::array<std::size_t, LaneModel::kMaxJoints> last_point{};
+};
+
+/// What comes of plans in lanes. Spans are as long as is said; torques are of the motors.
+template <class S>
+struct LanePlanRecord {
+  std::span<S> torque;              ///< At each stage, by step, then stage, then joint [N m].
+  std::span<S> depth;               ///< Of the deepest contact at each stage likewise, in layers.
+  std::span<LaneState<S>> at_look;  ///< At each of LanePlan::looks.
+  S effort{};                       ///< The integral of the sum of the squares of torques.
+  S largest{};                      ///< Of all positions and rates of the root, their size.
+};
+
+/// The simulation of plans in lanes, compiled for one kind of vectors; as LaneKernel.
+template <class S>
+struct LanePlanKernel {
+  /// "one robot", "SSE2", "AVX2" or "AVX-512"
+  const char* name;
+  /// @param points  control points of all joints, one joint's after the other [rad].
+  /// @param start   the root's position and velocity; the joints' are those of their paths.
+  void (*run)(const LaneModel& model, const LaneRobot<S>& robot, const LanePlan& plan,
+              std::span<const S> points, const LaneState<S>& start, LanePlanRecord<S>& record);
+};
+
+/// The kernel for one robot.
+const LanePlanKernel<double>& OneRobotPlanKernel();
+/// The kernels for packets that this processor can run, the fastest first.
+std::vector<const LanePlanKernel<Packet>*> PacketPlanKernels();
+
+}  // namespace tumbler

@@ -1,0 +1,329 @@
+#include "offline/solve/lane_rollout.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "common/core/functions.h"
+#include "common/core/index.h"
+#include "offline/scene/lane_scene.h"
+#include "offline/solve/clearance_constraint.h"
+#include "offline/solve/free_duration.h"
+#include "offline/solve/motion_outputs.h"
+#include "offline/solve/parametric_motion.h"
+#include "offline/solve/smooth_maximum.h"
+#include "offline/solve/timetable.h"
+
+namespace tumbler {
+namespace {
+
+using Spline = JointMotion<double>::Spline;
+
+/// Of the root: x, z and pitch.
+constexpr std::size_t kRootDofs = 3;
+
+/// A smooth maximum leaves out what is e to the power of this below its largest: a part of 1e-10.
+constexpr double kLeastExponent = -30;
+/// A contact whose SmoothDepth has a smaller exponent is no deeper than 0.7 of what is usable, with
+/// the usual sharpness, and counts as none.
+constexpr double kShallow = -20;
+
+/// Drives have no part in a plan: its motors bear what the scene says.
+LaneScene PlannedScene(const Problem& problem) {
+  LaneDrive none;
+  none.viscous_friction_nm_s_per_rad = 0;
+  return MakeLaneScene(problem.scene, none);
+}
+
+double EffortWeight(const Problem& problem) {
+  double weight = 0;
+  for (const CostTerm& term : problem.cost) {
+    if (term.kind == CostTerm::Kind::kEffort) weight += term.weight;
+  }
+  return weight;
+}
+
+}  // namespace
+
+std::optional<std::string> LaneRollout::WhyNot(const Problem& problem) {
+  if (problem.free_duration) return "the duration is free";
+  for (const CostTerm& term : problem.cost) {
+    if (term.when == CostTerm::When::kThroughout && term.of_state())
+      return "a cost looks at the state throughout the motion";
+  }
+  try {
+    const LaneScene lanes = PlannedScene(problem);
+    if (lanes.model.joints != problem.joints.size()) return "a joint has no path";
+    return std::nullopt;
+  } catch (const std::invalid_argument& why) {
+    return why.what();
+  }
+}
+
+struct LaneRollout::Implementation {
+  Implementation(const Problem& p, const StepGrid& grid, LanePlan::Scheme scheme,
+                 const LanePlanKernel<Packet>* fixed)
+      : motions(Packet::kLanes, ParametricMotion(p)),
+        outputs(motions.front(), p.solver.step_s),
+        clearance(p, p.solver.step_s),
+        lanes(PlannedScene(p)),
+        kernel(fixed != nullptr ? *fixed : *PacketPlanKernels().front()),
+        effort_weight(EffortWeight(p)) {
+    std::array<LaneRobot<double>, Packet::kLanes> robots;
+    robots.fill(lanes.robot);
+    robot = PackLanes<LaneRobot>(robots);
+    const bool longer = scheme == LanePlan::Scheme::kFifthOrder;
+    const Tableau& tableau = longer ? kDormandPrince : kClassical;
+    const Timetable table(tableau, grid, p.duration_s, p.instants());
+    plan.scheme = scheme;
+    plan.stages = scheme == LanePlan::Scheme::kSemiImplicitEuler ? 1 : tableau.own_stages();
+    plan.points_per_step = Index(table.points_per_step);
+    plan.steps = table.length;
+    if (plan.stages > 1) {
+      look_points.emplace(tableau, *std::ranges::max_element(plan.steps));
+    }
+    plan.motion_steps = Index(table.motion_steps);
+    for (const int step : table.step_at) plan.looks.push_back(Index(step));
+    plan.weights = Index(p.degree) + 1;
+    for (std::size_t j = 0; j < p.joints.size(); ++j) {
+      plan.first_point[j] = points.size();
+      points.resize(points.size() + Index(p.joints[j].control_points));
+      plan.last_point[j] = points.size() - 1;
+    }
+    TabulatePaths(table);
+    depth.resize(plan.steps.size() * plan.stages);
+    torque.resize(depth.size() * p.joints.size());
+    at_look.resize(plan.looks.size());
+  }
+
+  void TabulatePaths(const Timetable& table) {
+    const Problem& problem = motions.front().problem();
+    weights.resize(problem.joints.size());  // Spans into it stay: no vector of it grows later.
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const int size = problem.joints[j].control_points;
+      std::size_t same = 0;
+      while (problem.joints[same].control_points != size) ++same;
+      if (same == j) {
+        Spline spline;
+        if (spline.Assign(problem.degree, PathKnots(problem, size, problem.duration_s),
+                          std::vector<double>(Index(size))) != Status::kOk)
+          throw std::invalid_argument("spline degree and size do not fit together");
+        for (const double t : table.time) {
+          const Spline::Weights at = spline.EvaluateWeights(t);
+          LanePathWeights& w = weights[j].emplace_back();
+          w.first = Index(at.first);
+          for (std::size_t d = 0; d < w.of.size(); ++d)
+            std::copy_n(at.w[d].begin(), plan.weights, w.of[d].begin());
+        }
+      }
+      plan.paths[j] = weights[same];
+    }
+  }
+
+  /// Puts a motion into a lane.
+  void SetLane(std::size_t lane, std::span<const double> x) {
+    ParametricMotion& motion = motions[lane];
+    if (!motion.Set(x)) throw std::logic_error("lanes have no free duration");
+    const Problem& problem = motion.problem();
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const ActuatedJoint& joint = problem.joints[j];
+      const EndPoints ends = EndPointsOf(joint, problem.degree, problem.duration_s);
+      for (int i = 0; i < joint.control_points; ++i) {
+        points[plan.first_point[j] + Index(i)].set_lane(
+            lane, ControlPointOf(joint, ends, motion.first_parameter(static_cast<int>(j)), x, i));
+      }
+    }
+    const bool hinged = problem.scene.robot.hinged();
+    for (std::size_t d = 0; d < kRootDofs; ++d) {
+      const bool held = hinged && d < 2;
+      const double bar = d == 0 ? problem.scene.bar.x() : problem.scene.bar.y();
+      start.q[d].set_lane(lane, held ? bar : problem.start_q[d]);
+      start.v[d].set_lane(lane, held ? 0 : problem.start_root_rates[d]);
+    }
+  }
+
+  std::vector<RolloutResult> Run(std::span<const std::vector<double>> x, bool with_clearance) {
+    // Lanes that nobody asks for repeat the first one.
+    for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
+      SetLane(lane, x[lane < x.size() ? lane : 0]);
+    LanePlanRecord<Packet> record{torque, depth, at_look, {}, {}};
+    kernel.run(lanes.model, robot, plan, points, start, record);
+    std::vector<RolloutResult> results;
+    for (std::size_t lane = 0; lane < x.size(); ++lane) {
+      results.push_back(ResultOf(lane, record));
+      if (with_clearance) results.back().clearance_excess = clearance.Evaluate(x[lane]);
+    }
+    FindPeaks(results);
+    return results;
+  }
+
+  RolloutResult ResultOf(std::size_t lane, const LanePlanRecord<Packet>& record) {
+    const Problem& problem = motions[lane].problem();
+    RolloutResult result = outputs.Begin();
+    squares[lane] = effort_weight * record.effort.lane(lane);
+    result.cost = squares[lane];
+    std::vector<double> q(problem.start_q.size()), qd(q.size());
+    bool plausible = record.largest.lane(lane) < kImplausibleState;
+    for (std::size_t i = 0; i < plan.looks.size(); ++i) {
+      for (std::size_t d = 0; d < q.size(); ++d) {
+        q[d] = at_look[i].q[d].lane(lane);
+        qd[d] = at_look[i].v[d].lane(lane);
+        plausible = plausible && std::isfinite(q[d]) && std::isfinite(qd[d]);
+      }
+      const CostPoint here{q, qd, {}};
+      for (const CostTerm& term : problem.cost) {
+        if (!motions[lane].instants()[i].Has(term)) continue;
+        const double part = term.weight * term.Accumulate(0, 1, here);
+        result.cost += part;
+        if (term.draws()) squares[lane] += part;
+        MotionOutputs::RecordTarget(term, here, result);
+      }
+    }
+    if (!plausible || !std::isfinite(result.cost)) return MotionOutputs::Failed(std::move(result));
+    return result;
+  }
+
+  /// The times of a step at which peaks are looked for.
+  [[nodiscard]] const StepPoints& PointsOf(std::size_t step) const {
+    return look_points ? look_points->In(plan.steps[step]) : LookPoints::Start();
+  }
+
+  /// The size of a recorded quantity in each step: its largest at any stage, of all lanes.
+  /// @param count  of such quantities at a stage.
+  void FindSizes(std::span<const Packet> quantity, std::size_t count, std::size_t which) {
+    sizes.resize(plan.steps.size());
+    largest = {};
+    for (std::size_t step = 0; step < plan.steps.size(); ++step) {
+      Packet size;
+      for (std::size_t s = 0; s < plan.stages; ++s) {
+        const Packet& here = quantity[(step * plan.stages + s) * count + which];
+        for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
+          size.lanes[lane] = std::max(size.lanes[lane], std::abs(here.lanes[lane]));
+      }
+      for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
+        largest.lanes[lane] = std::max(largest.lanes[lane], size.lanes[lane]);
+      sizes[step] = size;
+    }
+  }
+
+  /// Takes the quantity of FindSizes through all steps into its smooth maximum. What is e to the
+  /// power of kLeastExponent below its largest is left out.
+  /// @param per_unit  of the quantity, what its smooth maximum is of, at most.
+  /// @param of        that at a stage, counted through all steps.
+  template <class Quantity>
+  void Maximize(std::size_t lane, double per_unit, SmoothMaximum& maximum, Quantity&& of) const {
+    const double rho = motions[lane].problem().solver.sharpness;
+    const double least = largest.lanes[lane] + kLeastExponent / (rho * per_unit);
+    std::array<double, Tableau::kMaxStages> values{};
+    const std::span<const double> of_step(values.data(), plan.stages);
+    for (std::size_t step = 0; step < plan.steps.size(); ++step) {
+      const StepPoints& looks = PointsOf(step);
+      if (sizes[step].lanes[lane] * looks.growth < least) continue;
+      for (std::size_t s = 0; s < plan.stages; ++s) values[s] = of(step * plan.stages + s);
+      maximum.Add(looks, plan.steps[step], of_step, {});
+    }
+  }
+
+  /// Writes what peaks make of the results of the last run.
+  void FindPeaks(std::span<RolloutResult> results) {
+    const std::size_t joints = motions.front().problem().joints.size();
+    for (std::size_t j = 0; j < joints; ++j) {
+      FindSizes(torque, joints, j);
+      for (std::size_t lane = 0; lane < results.size(); ++lane) {
+        if (results[lane].finite) FindPeakTorque(lane, j, results[lane]);
+      }
+    }
+    FindSizes(depth, 1, 0);
+    for (std::size_t lane = 0; lane < results.size(); ++lane) {
+      if (results[lane].finite) FindDepth(lane, results[lane]);
+    }
+  }
+
+  void FindPeakTorque(std::size_t lane, std::size_t j, RolloutResult& result) const {
+    const std::size_t joints = result.torque_excess.size();
+    for (std::size_t k = 0; k < plan.steps.size(); ++k) {
+      result.peak_torque_nm[j] = std::max(
+          result.peak_torque_nm[j], std::abs(torque[k * plan.stages * joints + j].lanes[lane]));
+    }
+    if (!outputs.IsTorqueLimited(static_cast<int>(j))) return;
+    SmoothMaximum maximum = outputs.EmptyTorqueMaximum();
+    const double limit = motions[lane].problem().joints[j].limits.torque_max_nm;
+    Maximize(lane, 1 / limit, maximum,
+             [&](std::size_t stage) { return torque[stage * joints + j].lanes[lane] / limit; });
+    result.torque_excess[j] = MotionOutputs::TorqueExcess(maximum);
+  }
+
+  void FindDepth(std::size_t lane, RolloutResult& result) const {
+    const Problem& problem = motions[lane].problem();
+    double deepest = 0;
+    for (std::size_t k = 0; k < plan.steps.size(); ++k)
+      deepest = std::max(deepest, depth[k * plan.stages].lanes[lane]);
+    result.any_contact = deepest > 0;
+    result.peak_penetration_m = deepest * problem.scene.contact.d_on_m;
+    // As SmoothDepth of a single contact.
+    const double rho = problem.solver.sharpness;
+    const double usable = 1 - problem.solver.core_margin;
+    const double least = 1 + kNegligibleExponent / rho;
+    if (rho * (largest.lanes[lane] / usable - least) < kShallow) return;
+    SmoothMaximum maximum = outputs.EmptyPenetrationMaximum();
+    Maximize(lane, 1 / usable, maximum, [&](std::size_t stage) {
+      const double exponent = rho * (depth[stage].lanes[lane] / usable - least);
+      if (exponent < kShallow) return 0.0;
+      if (exponent > 0) return (exponent + portable::Log1p(portable::Exp(-exponent))) / rho;
+      return portable::Log1p(portable::Exp(exponent)) / rho;
+    });
+    if (maximum.sum() > 0) result.penetration_excess = outputs.PenetrationExcess(maximum);
+  }
+
+  std::vector<ParametricMotion> motions;  // by lane
+  MotionOutputs outputs;
+  ClearanceConstraint clearance;
+  LaneScene lanes;
+  const LanePlanKernel<Packet>& kernel;
+  double effort_weight;
+  LaneRobot<Packet> robot;
+  LanePlan plan;
+  std::optional<LookPoints> look_points;              // of schemes with stages
+  std::vector<std::vector<LanePathWeights>> weights;  // by joint; empty where another's serve
+  std::vector<Packet> points, torque, depth;
+  std::vector<Packet> sizes;  // of a quantity, in each step
+  Packet largest;             // of them
+  std::vector<LaneState<Packet>> at_look;
+  LaneState<Packet> start{};
+  std::array<double, Packet::kLanes> squares{};
+};
+
+LaneRollout::LaneRollout(const Problem& problem, double step_s, LanePlan::Scheme scheme,
+                         const LanePlanKernel<Packet>* kernel)
+    : implementation_(
+          std::make_unique<Implementation>(problem, EvenGrid(problem, step_s), scheme, kernel)) {}
+LaneRollout::LaneRollout(const Problem& problem, const StepGrid& grid,
+                         const LanePlanKernel<Packet>* kernel)
+    : implementation_(
+          std::make_unique<Implementation>(problem, grid, LanePlan::Scheme::kFifthOrder, kernel)) {}
+LaneRollout::~LaneRollout() = default;
+LaneRollout::LaneRollout(LaneRollout&&) noexcept = default;
+
+std::vector<RolloutResult> LaneRollout::Run(std::span<const std::vector<double>> x,
+                                            bool clearance) {
+  if (x.empty() || x.size() > Packet::kLanes)
+    throw std::invalid_argument("lanes run one motion to eight");
+  return implementation_->Run(x, clearance);
+}
+const Packet& LaneRollout::torque(std::size_t step, std::size_t joint) const {
+  const std::size_t joints = implementation_->motions.front().problem().joints.size();
+  return implementation_->torque[step * implementation_->plan.stages * joints + joint];
+}
+std::span<const double> LaneRollout::steps() const { return implementation_->plan.steps; }
+double LaneRollout::squares(std::size_t lane) const { return implementation_->squares[lane]; }
+double LaneRollout::effort_weight() const { return implementation_->effort_weight; }
+std::int64_t LaneRollout::evaluations() const {
+  const LanePlan& plan = implementation_->plan;
+  return static_cast<std::int64_t>(plan.steps.size() * plan.stages);
+}
+double LaneRollout::ClearanceExcess(std::span<const double> x, std::span<double> gradient) {
+  return implementation_->clearance.Evaluate(x, gradient);
+}
+
+}  // namespace tumbler
