@@ -28,6 +28,10 @@ SimulatedDrive::SimulatedDrive(const SimulatedMotorConfig& motor, const JointMap
   Require(motor.turnaround_ns >= 0, "turnaround_ns must be 0 or more");
   Require(motor.torque_time_constant_s >= 0 && std::isfinite(motor.torque_time_constant_s),
           "torque_time_constant_s must be 0 or more");
+  Require(motor.torque_factor > 0 && std::isfinite(motor.torque_factor),
+          "torque_factor must be above 0");
+  Require(motor.velocity_filter_s >= 0 && std::isfinite(motor.velocity_filter_s),
+          "velocity_filter_s must be 0 or more");
   Require(std::isfinite(motor.ambient_c), "ambient_c must be finite");
   Require(motor.heating_k_per_nm2 >= 0 && std::isfinite(motor.heating_k_per_nm2),
           "heating_k_per_nm2 must be 0 or more");
@@ -68,6 +72,12 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
   shaft_rad_ = ratio_ * (joint_position_rad - zero_offset_rad_);
   velocity_rad_s_ = ratio_ * joint_velocity_rad_s;
   const double passed_s = stepped_ns_ < 0 ? 0.0 : static_cast<double>(time_ns - stepped_ns_) * 1e-9;
+  if (motor_.velocity_filter_s > 0 && stepped_ns_ >= 0) {
+    seen_velocity_rad_s_ += (velocity_rad_s_ - seen_velocity_rad_s_) *
+                            -portable::Expm1(-passed_s / motor_.velocity_filter_s);
+  } else {
+    seen_velocity_rad_s_ = velocity_rad_s_;
+  }
   stepped_ns_ = time_ns;
   if (std::isfinite(motor_.thermal_time_constant_s)) {
     const double end = motor_.ambient_c + motor_.heating_k_per_nm2 * torque_nm_ * torque_nm_;
@@ -81,7 +91,7 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
   } else {
     torque_nm_ = wanted;
   }
-  return ratio_ * torque_nm_;
+  return ratio_ * torque_nm_ * motor_.torque_factor;
 }
 
 }  // namespace tumbler

@@ -29,6 +29,12 @@ struct SimulatedMotorConfig {
   /// >= 0: time constant of the current loop, which the torque follows in the first order. 0 is at
   /// once; real loops are tuned to 0.1 to 1 ms.
   double torque_time_constant_s = 0;
+  /// > 0: what the motor exerts for each newton metre that its drive reckons with. A torque
+  /// constant that is 3 % larger than the drive's is 1.03.
+  double torque_factor = 1;
+  /// >= 0: time constant of the first-order filter through which the drive's law and its replies
+  /// see the velocity, which is a difference of encoder counts. 0: the true velocity.
+  double velocity_filter_s = 0;
   /// The winding starts at the ambient temperature and approaches ambient + heating torque^2 in the
   /// first order, with the time constant below. An infinite one keeps its temperature as it is.
   double ambient_c = 25;
@@ -54,7 +60,7 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] virtual bool enabled() const noexcept = 0;
   /// The position that the drive holds the joint to, or nothing where it holds none.
   [[nodiscard]] virtual std::optional<double> target_rad() const noexcept = 0;
-  /// The torque that acts at the shaft.
+  /// The torque that the drive reckons to act at the shaft.
   [[nodiscard]] double torque_nm() const noexcept { return torque_nm_; }
   /// Whether the host's silence has taken the torque away. (Some drives brake first.)
   [[nodiscard]] virtual bool limp() const noexcept = 0;
@@ -99,7 +105,8 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] double shaft_rad() const noexcept { return shaft_rad_; }
   /// The angle that the encoder reads [rad], where it reads zero at the true angle `zero_rad`.
   [[nodiscard]] double Measured(double zero_rad) const noexcept;
-  [[nodiscard]] double shaft_velocity_rad_s() const noexcept { return velocity_rad_s_; }
+  /// The velocity that the drive measures.
+  [[nodiscard]] double shaft_velocity_rad_s() const noexcept { return seen_velocity_rad_s_; }
   [[nodiscard]] double ToJoint(double shaft_angle_rad) const noexcept;
   void CountExpiry() noexcept { ++watchdog_expiries_; }
   void CountFrame() noexcept { ++frames_received_; }
@@ -120,6 +127,7 @@ class SimulatedDrive : public SimulatedNode {
   std::int64_t stepped_ns_ = -1;  // time of the last step; -1: none yet
   double shaft_rad_ = 0;
   double velocity_rad_s_ = 0;
+  double seen_velocity_rad_s_ = 0;  // as filtered
   double torque_nm_ = 0;
   std::int64_t watchdog_expiries_ = 0;
   std::int64_t frames_received_ = 0;

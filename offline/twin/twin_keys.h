@@ -79,6 +79,12 @@ inline constexpr std::array kMotorKeys = {
                                                    "from the end of a frame to its answer"),
     KeyOf<&MotorEntry::torque_time_constant_s, MotorEntry>("torque_time_constant_s", {0, 0.1},
                                                            "of the current loop, first order"),
+    KeyOf<&MotorEntry::torque_factor, MotorEntry>(
+        "torque_factor", {0.1, 10},
+        "of what the motor exerts for each N m that its drive reckons with"),
+    KeyOf<&MotorEntry::velocity_filter_s, MotorEntry>(
+        "velocity_filter_s", {0, 0.1},
+        "of the filter through which the drive sees its velocity, first order; 0: none"),
     KeyOf<&MotorEntry::rotor_inertia_kg_m2, MotorEntry>("rotor_inertia_kg_m2", {0, 10},
                                                         "seen through the gear")
         .Default("the task's"),
