@@ -8,6 +8,7 @@
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
+#include "offline/scene/motor.h"
 #include "offline/scene/normal.h"
 
 namespace tumbler {
@@ -161,7 +162,21 @@ Scene Varied(Scene scene, const RobotVariation& v) {
   }
   for (ContactShape<Plane>& shape : robot.shapes) shape.shape.centre.x() *= length_of(shape.body);
   for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= length_of(own.body);
+  for (std::size_t j = 0; j < v.joints.size(); ++j) {
+    const RobotVariation::Joint& joint = v.joints[j];
+    const std::size_t place = robot.DofOfJoint(j);
+    Dof<Plane>& dof = robot.tree.dofs[place];
+    dof.rotor_inertia_kg_m2 *= joint.rotor_inertia;
+    // What the motor has by default comes to this later, and stays.
+    dof.damping_nm_s_per_rad =
+        std::max(dof.damping_nm_s_per_rad + joint.viscous_friction_nm_s_per_rad,
+                 -kUsualViscousFriction_nm_s_per_rad);
+    double& dry =
+        scene.motors.empty() ? robot.dry_friction_nm[place] : scene.motors[j].dry_friction_nm;
+    dry = std::max(0.0, dry + joint.dry_friction_nm);
+  }
   scene.contact.mu *= v.friction;
+  scene.contact.v_max_m_per_s *= v.creep_speed;
   scene.contact.stiffness_n_per_m *= v.stiffness;
   scene.contact.damping_n_s_per_m *= v.damping;
   Tilt(robot, v.slope_rad);

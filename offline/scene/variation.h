@@ -43,11 +43,16 @@ struct RobotVariation {
   struct Joint {
     double gain = 1, torque_limit = 1;  ///< Factors.
     double zero_rad = 0;                ///< What the encoder reads more than the true angle.
+    double torque = 1;         ///< Factor of all that the motor exerts, which its drive ignores.
+    double rotor_inertia = 1;  ///< Factor.
+    /// Added to the friction of the joint. Neither becomes negative.
+    double viscous_friction_nm_s_per_rad = 0, dry_friction_nm = 0;
     double start_rad = 0, start_rate_rad_s = 0;  ///< Added when the first motion begins.
   };
   std::vector<Link> links;    ///< In the order of the robot's bodies, the root that moves first.
   std::vector<Joint> joints;  ///< In the robot's order.
   double friction = 1, stiffness = 1, damping = 1;
+  double creep_speed = 1;  ///< Factor of the speed from which on friction is full.
   double slope_rad = 0;
   double delay_s = 0;                 ///< >= 0
   double start_pitch_rate_rad_s = 0;  ///< Added when the first motion begins.

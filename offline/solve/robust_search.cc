@@ -331,9 +331,11 @@ class RobustSearch {
       auto& joint = lanes.robot.joints[j];
       joint.torque_max = problem_.joints[j].limits.torque_max_nm;
       if (model) continue;
-      joint.torque_max *= variation.joints[j].torque_limit;
-      joint.kp *= variation.joints[j].gain;
-      joint.kd *= variation.joints[j].gain;
+      const double torque = variation.joints[j].torque;
+      joint.torque_max *= variation.joints[j].torque_limit * torque;
+      joint.kp *= variation.joints[j].gain * torque;
+      joint.kd *= variation.joints[j].gain * torque;
+      joint.feed_forward = torque;
       joint.delay = std::min(joint.delay + variation.delay_s, kTick_s);
       joint.zero_error = variation.joints[j].zero_rad;
     }

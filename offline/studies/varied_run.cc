@@ -36,6 +36,7 @@ DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>
   for (std::size_t j = 0; j < variation.joints.size(); ++j) {
     const RobotVariation::Joint& joint = variation.joints[j];
     motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
+    motors[j].torque_factor *= joint.torque;
     DriveEntry& drive = drives.drives[j];
     drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
     drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
@@ -87,7 +88,8 @@ VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation&
   procedure_ = std::make_unique<RunProcedure>(
       ProcedureConfigOf(play.settings, drives(), assembly_->parts().sequence->graph));
   loop_ = std::make_unique<ControlLoop>(
-      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_},
+      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_, nullptr,
+                         play.recorder},
       static_cast<std::int64_t>(std::llround(1e9 / drives().rate_hz)), 0);
 }
 
