@@ -27,6 +27,12 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& given, const LaneSte
   const std::size_t joints = model.joints;
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
+  // Of the backward Euler method between two evaluations of the law: the filter lags by its constant.
+  std::array<S, LaneModel::kMaxJoints> share, exerted{};
+  for (std::size_t j = 0; j < joints; ++j) {
+    const S between(h_s * steps.law_every);
+    share[j] = between / (robot.joints[j].velocity_filter + between);
+  }
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
     HeldSetpoints<S> tick;
     for (std::size_t j = 0; j < joints; ++j)
@@ -39,11 +45,16 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& given, const LaneSte
         const auto& now = tick[j];
         const auto late = since < drive.delay;
         const S q = state.q[j + 3], v = state.v[j + 3];
-        const S wanted = ImpedanceTorque<S>(
-            drive.kp, Select(late, before.position, now.position) - (q + drive.zero_error),
-            drive.kd, Select(late, before.velocity, now.velocity) - v,
-            drive.feed_forward * Select(late, before.third, now.third));
-        const S torque = Clamp(wanted, -drive.torque_max, drive.torque_max);
+        if (i % steps.law_every == 0) {
+          S& seen = state.seen[j];
+          seen = Select(S(0) < drive.velocity_filter, seen + share[j] * (v - seen), v);
+          const S wanted = ImpedanceTorque<S>(
+              drive.kp, Select(late, before.position, now.position) - (q + drive.zero_error),
+              drive.kd, Select(late, before.velocity, now.velocity) - seen,
+              drive.feed_forward * Select(late, before.third, now.third));
+          exerted[j] = Clamp(wanted, -drive.torque_max, drive.torque_max);
+        }
+        const S torque = exerted[j];
         watch.torque[j] = Max(watch.torque[j], Max(torque, -torque));
         const JointStop<S> stop{robot.stop_stiffness, robot.stop_damping, drive.lower, drive.upper};
         tau[j + 3] = torque - drive.dry_friction * DryFrictionShare(v) + stop.Torque(q, v);

@@ -34,7 +34,7 @@ constexpr std::array<QuantityFacts, RobotQuantity::kKinds> kFacts = {{
     {Kind::kRotor, "rotor_inertia", "kg m^2", true, 0.1},
     {Kind::kTorque, "torque_factor", "", true, 0.05},
     {Kind::kLag, "reply_lag", "s", false, 1e-4},
-    {Kind::kVelocityLag, "velocity_filter", "s", false, 3e-3},
+    {Kind::kVelocityLag, "velocity_filter", "s", false, 2e-3},
 }};
 
 std::size_t DofOfLink(const PlanarRobot& robot, const std::string& link) {
@@ -85,7 +85,7 @@ double ValueIn(const Scene& scene, const RobotQuantity& quantity) {
     case Kind::kDry:
       return DryOf(scene, JointNamed(robot, quantity.of));
     case Kind::kRotor:
-      return robot.tree.dofs[robot.DofOfJoint(JointNamed(robot, quantity.of))].rotor_inertia_kg_m2;
+      return robot.tree.dofs[robot.DofOfJoint(0)].rotor_inertia_kg_m2;
     case Kind::kZero:
       static_cast<void>(JointNamed(robot, quantity.of));
       return 0;
@@ -192,9 +192,10 @@ RobotPosterior PriorOf(const Scene& scene) {
       add(kind, "");
     }
   }
-  for (const Kind kind : {Kind::kZero, Kind::kViscous, Kind::kDry, Kind::kRotor}) {
+  for (const Kind kind : {Kind::kZero, Kind::kViscous, Kind::kDry}) {
     for (const std::string& joint : joints) add(kind, joint);
   }
+  if (!joints.empty()) add(Kind::kRotor, "");
   const std::size_t n = prior.size();
   prior.covariance.assign(n * n, 0.0);
   for (std::size_t i = 0; i < n; ++i) {
@@ -257,13 +258,15 @@ RobotVariation VariationOf(const Scene& scene, std::span<const RobotQuantity> qu
         joint().dry_friction_nm = std::max(0.0, value) - ValueIn(scene, quantity);
         break;
       case Kind::kRotor:
-        joint().rotor_inertia = factor();
+        for (RobotVariation::Joint& each : v.joints) each.rotor_inertia = factor();
+        break;
+      case Kind::kVelocityLag:
+        for (RobotVariation::Joint& each : v.joints) each.velocity_filter_s = std::max(0.0, value);
         break;
       case Kind::kTorque:
         for (RobotVariation::Joint& each : v.joints) each.torque = value;
         break;
       case Kind::kLag:
-      case Kind::kVelocityLag:
         break;
     }
   }

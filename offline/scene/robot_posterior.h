@@ -27,7 +27,7 @@ struct RobotQuantity {
     kZero,         ///< Of a joint: what its encoder reads more than the true angle [rad].
     kViscous,      ///< Of a joint: friction of its motor beside the URDF's damping [N m s/rad].
     kDry,          ///< Of a joint [N m].
-    kRotor,        ///< Of a joint: inertia of its rotor, behind the gear [kg m^2].
+    kRotor,        ///< Of all motors: inertia of a rotor, behind the gear [kg m^2].
     kTorque,       ///< Of all motors: what they exert for each N m that their drives reckon with.
     kLag,          ///< Of all drives: how much later than modelled a reply is sampled [s].
     kVelocityLag,  ///< Of all drives: time constant of their velocity's filter [s].
@@ -85,7 +85,7 @@ struct RobotPosterior {
 [[nodiscard]] RobotPosterior PriorOf(const Scene& scene);
 
 /// The robot with these coordinates, by how much it departs from the scene's. What no quantity says
-/// is the scene's. kLag and kVelocityLag, which are no part of a robot, are left out.
+/// is the scene's. kLag, which is no part of a robot, is left out.
 /// @throws std::invalid_argument  as CoordinateIn.
 [[nodiscard]] RobotVariation VariationOf(const Scene& scene,
                                          std::span<const RobotQuantity> quantities,

@@ -44,6 +44,8 @@ struct RobotVariation {
     double gain = 1, torque_limit = 1;  ///< Factors.
     double zero_rad = 0;                ///< What the encoder reads more than the true angle.
     double torque = 1;         ///< Factor of all that the motor exerts, which its drive ignores.
+    /// Added to the time constant with which its drive sees the velocity; >= 0.
+    double velocity_filter_s = 0;
     double rotor_inertia = 1;  ///< Factor.
     /// Added to the friction of the joint. Neither becomes negative.
     double viscous_friction_nm_s_per_rad = 0, dry_friction_nm = 0;

@@ -336,6 +336,7 @@ class RobustSearch {
       joint.kp *= variation.joints[j].gain * torque;
       joint.kd *= variation.joints[j].gain * torque;
       joint.feed_forward = torque;
+      joint.velocity_filter = variation.joints[j].velocity_filter_s;
       joint.delay = std::min(joint.delay + variation.delay_s, kTick_s);
       joint.zero_error = variation.joints[j].zero_rad;
     }

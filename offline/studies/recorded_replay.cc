@@ -78,6 +78,7 @@ LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
     joint.kd = drive.kd * torque;
     joint.torque_max = drive.torque_max_nm * torque;
     joint.feed_forward = torque;
+    joint.velocity_filter = variation.joints[j].velocity_filter_s;
     joint.zero_error = variation.joints[j].zero_rad + drive.encoder_bias_rad;
     joint.delay = std::min(drive.arrival_s + 0.5 * Replaying::kDriveLoop_s, motion_.tick_s);
     sampling.bias_rad.push_back(joint.zero_error + drive.wire_bias_rad);
@@ -124,7 +125,10 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
   tell(0);
   std::copy(setpoints.begin(), setpoints.end(), held.begin());
   const LaneSteps rough{motion_.tick_s, std::min(Replaying::kRoughSteps, per_tick)};
-  const LaneSteps steps{motion_.tick_s, per_tick};
+  LaneSteps steps{motion_.tick_s, per_tick};
+  // Drives are no faster, however fine the steps are.
+  steps.law_every = std::max(
+      1, static_cast<int>(std::lround(per_tick * Replaying::kDriveLoop_s / motion_.tick_s)));
   for (double t = 0; t < Replaying::kRests_s; t += motion_.tick_s)
     kernel.drive(model_, packed, rough, setpoints, held, state, watch);
 

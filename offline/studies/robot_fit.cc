@@ -30,14 +30,28 @@ constexpr double kGain = 1e-3;
 
 Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
-/// The objective of a fit: half the sum of squares of the residuals and of how far a robot is from
-/// the prior, in variables that are independent and of deviation 1 by the prior.
+/// The objective of a fit: half the sum of squares of the residuals, and w^T P w / 2 of how far a
+/// robot is from the prior, in deviations w; P is the inverse of their correlations.
 class Objective {
  public:
   Objective(std::span<const RecordedMotion> records, const RobotPosterior& prior,
             const FitSettings& settings)
       : prior_(prior), settings_(settings), n_(prior.size()) {
-    factor_ = LowerFactor(prior.covariance, n_);
+    MatrixXd correlations(ToIndex(n_), ToIndex(n_));
+    for (std::size_t i = 0; i < n_; ++i) deviations_.push_back(prior.DeviationOf(i));
+    for (std::size_t i = 0; i < n_; ++i) {
+      for (std::size_t k = 0; k < n_; ++k) {
+        correlations(ToIndex(i), ToIndex(k)) =
+            prior.covariance[i * n_ + k] / (deviations_[i] * deviations_[k]);
+      }
+      const Kind kind = prior.quantities[i].kind;
+      const bool positive = kind == Kind::kDry || kind == Kind::kVelocityLag;
+      least_.push_back(positive ? -prior.mean[i] / deviations_[i]
+                                : -std::numeric_limits<double>::infinity());
+    }
+    constexpr double kRounding = 1e-9;
+    correlations.diagonal().array() += kRounding;
+    precision_ = correlations.ldlt().solve(MatrixXd::Identity(ToIndex(n_), ToIndex(n_)));
     for (const RecordedMotion& record : records) {
       replays_.push_back(std::make_unique<RecordedReplay>(record, prior.quantities));
       rows_ += replays_.back()->count();
@@ -51,37 +65,51 @@ class Objective {
 
   [[nodiscard]] std::size_t size() const { return n_; }
   [[nodiscard]] int evaluations() const { return evaluations_; }
+  [[nodiscard]] const MatrixXd& precision() const { return precision_; }
+  [[nodiscard]] const std::vector<double>& deviations() const { return deviations_; }
   [[nodiscard]] const std::vector<std::unique_ptr<RecordedReplay>>& replays() const {
     return replays_;
   }
 
-  [[nodiscard]] std::vector<double> CoordinatesOf(const VectorXd& u) const {
+  [[nodiscard]] std::vector<double> CoordinatesOf(const VectorXd& w) const {
     std::vector<double> z = prior_.mean;
-    for (std::size_t i = 0; i < n_; ++i) {
-      for (std::size_t k = 0; k <= i; ++k) z[i] += factor_[i * n_ + k] * u[ToIndex(k)];
-    }
+    for (std::size_t i = 0; i < n_; ++i) z[i] += deviations_[i] * w[ToIndex(i)];
     return z;
   }
+  /// Deviations with friction and filters that are nowhere negative.
+  [[nodiscard]] VectorXd Allowed(VectorXd w) const {
+    for (std::size_t i = 0; i < n_; ++i) w[ToIndex(i)] = std::max(w[ToIndex(i)], least_[i]);
+    return w;
+  }
+  [[nodiscard]] double ValueOf(const VectorXd& residuals, const VectorXd& w, double noise) const {
+    return 0.5 * (residuals.squaredNorm() / (noise * noise) + w.dot(precision_ * w));
+  }
 
-  /// The variables with friction that is nowhere negative: where it would be, the motion no longer
-  /// depends on it.
-  [[nodiscard]] VectorXd Allowed(const VectorXd& u) const {
-    std::vector<double> z = CoordinatesOf(u);
-    bool changed = false;
-    for (std::size_t i = 0; i < n_; ++i) {
-      if (prior_.quantities[i].kind != Kind::kDry || z[i] >= 0) continue;
-      z[i] = 0;
-      changed = true;
+  /// The step that minimises s^T A s / 2 + g^T s, where no friction and no filter gets negative:
+  /// what would is held at 0, and the others are solved for again.
+  [[nodiscard]] VectorXd StepOf(const MatrixXd& A, const VectorXd& g, const VectorXd& w) const {
+    VectorXd step = VectorXd::Zero(w.size());
+    std::vector<bool> held(n_, false);
+    for (int round = 0; round < 4; ++round) {
+      std::vector<Eigen::Index> free;
+      for (std::size_t i = 0; i < n_; ++i)
+        if (!held[i]) free.push_back(ToIndex(i));
+      const MatrixXd of_free = A(free, free);
+      VectorXd right = -g(free);
+      for (std::size_t i = 0; i < n_; ++i)
+        if (held[i]) right -= A(free, ToIndex(i)) * step[ToIndex(i)];
+      const VectorXd solved = of_free.ldlt().solve(right);
+      step(free) = solved;
+      bool again = false;
+      for (const Eigen::Index i : free) {
+        const double least = least_[static_cast<std::size_t>(i)] - w[i];
+        if (step[i] >= least) continue;
+        step[i] = least;
+        held[static_cast<std::size_t>(i)] = again = true;
+      }
+      if (!again) break;
     }
-    if (!changed) return u;
-    VectorXd allowed(ToIndex(n_));
-    for (std::size_t i = 0; i < n_; ++i) {
-      double rest = z[i] - prior_.mean[i];
-      for (std::size_t k = 0; k < i; ++k) rest -= factor_[i * n_ + k] * allowed[ToIndex(k)];
-      const double pivot = factor_[i * n_ + i];
-      allowed[ToIndex(i)] = pivot > 0 ? rest / pivot : 0.0;
-    }
-    return allowed;
+    return step;
   }
 
   /// Residuals of robots, a column each.
@@ -116,7 +144,7 @@ class Objective {
       robots.push_back(u);
       robots.back()[ToIndex(i)] += kDifference;
     }
-    MatrixXd all = Residuals(robots, per_tick);
+    const MatrixXd all = Residuals(robots, per_tick);
     const VectorXd base = all.col(0);
     return (all.rightCols(ToIndex(n_)).colwise() - base) / kDifference;
   }
@@ -125,15 +153,12 @@ class Objective {
   const RobotPosterior& prior_;
   const FitSettings& settings_;
   std::size_t n_, rows_ = 0;
-  std::vector<double> factor_;
+  std::vector<double> deviations_, least_;
+  MatrixXd precision_;
   std::vector<std::size_t> masses_;
   std::vector<std::unique_ptr<RecordedReplay>> replays_;
   int evaluations_ = 0;
 };
-
-double ValueOf(const VectorXd& residuals, const VectorXd& u, double noise) {
-  return 0.5 * (residuals.squaredNorm() / (noise * noise) + u.squaredNorm());
-}
 
 /// Where a fit got to.
 struct Found {
@@ -170,14 +195,13 @@ class Fitter {
       found.residuals = objective_.Residuals({u}, settings_.per_tick).col(0);
     }
     const double weight = 1 / (noise * noise);
-    const MatrixXd H = weight * J.transpose() * J;
-    const VectorXd gradient = weight * J.transpose() * found.residuals + u;
+    const MatrixXd H = weight * J.transpose() * J + objective_.precision();
+    const VectorXd gradient = weight * J.transpose() * found.residuals + objective_.precision() * u;
     std::vector<VectorXd> candidates;
     for (const double damping : {0.0, 1e-2, 0.1, 1.0, 10.0, 100.0}) {
       MatrixXd A = H;
-      A.diagonal().array() += 1;
       A.diagonal() += damping * A.diagonal();
-      VectorXd step = A.ldlt().solve(-gradient);
+      VectorXd step = objective_.StepOf(A, gradient, u);
       const double longest = step.cwiseAbs().maxCoeff();
       constexpr double kLongest = 3;
       if (longest > kLongest) step *= kLongest / longest;
@@ -190,11 +214,11 @@ class Fitter {
     candidates.resize(Packet::kLanes, u);
     for (VectorXd& candidate : candidates) candidate = objective_.Allowed(candidate);
     const MatrixXd residuals = objective_.Residuals(candidates, settings_.per_tick);
-    const double before = ValueOf(found.residuals, u, noise);
+    const double before = objective_.ValueOf(found.residuals, u, noise);
     double best = before;
     std::size_t which = candidates.size();
     for (std::size_t c = 0; c < candidates.size(); ++c) {
-      const double value = ValueOf(residuals.col(ToIndex(c)), candidates[c], noise);
+      const double value = objective_.ValueOf(residuals.col(ToIndex(c)), candidates[c], noise);
       if (value < best) {
         best = value;
         which = c;
@@ -209,7 +233,7 @@ class Fitter {
     u = candidates[which];
     found.u = u;
     found.residuals = residuals.col(ToIndex(which));
-    found.value = ValueOf(found.residuals, u, 1);
+    found.value = objective_.ValueOf(found.residuals, u, 1);
     static_cast<void>(last);
     return before - best > kGain * before;
   }
@@ -262,13 +286,24 @@ double ChiOf(const std::vector<FitResiduals>& records) {
   return std::sqrt(squares / std::max(1.0, readings));
 }
 
+/// Halves the integrator's error of a solution, by a step from the residuals with half the steps.
+/// The drives' loops stay as slow as they are. (Extrapolation to no steps at all loses more by the
+/// noise of impacts than it gains.)
+void Refine(Objective& objective, const MatrixXd& J, const FitSettings& settings, Found& found) {
+  const VectorXd fine = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
+  const MatrixXd A = J.transpose() * J + objective.precision();
+  const VectorXd gradient = J.transpose() * fine + objective.precision() * found.u;
+  found.u += objective.StepOf(A, gradient, found.u);
+  found.residuals = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
+}
+
 /// The covariance of the variables about a solution.
-MatrixXd Sandwich(Objective& objective, const Found& found, const FitSettings& settings) {
-  const MatrixXd J = objective.Derivatives(found.u, settings.per_tick);
+/// @param J  derivatives there.
+MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found,
+                  const FitSettings& settings) {
   const Eigen::Index n = J.cols();
-  MatrixXd A = J.transpose() * J;
-  A.diagonal().array() += 1;
-  MatrixXd meat = MatrixXd::Identity(n, n);
+  const MatrixXd A = J.transpose() * J + objective.precision();
+  MatrixXd meat = objective.precision();
   Eigen::Index row = 0;
   for (const auto& replay : objective.replays()) {
     const RecordedMotion& motion = replay->motion();
@@ -308,7 +343,7 @@ double FitOutcome::ShareLeft(std::size_t quantity) const {
 
 RobotPosterior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
   RobotPosterior prior = PriorOf(records.front().scene);
-  std::vector<RobotQuantity> more = {{Kind::kLag, ""}};
+  std::vector<RobotQuantity> more = {{Kind::kLag, ""}, {Kind::kVelocityLag, ""}};
   if (weighed) more.push_back({Kind::kTorque, ""});
   const std::size_t n = prior.size(), m = n + more.size();
   std::vector<double> covariance(m * m, 0.0);
@@ -344,21 +379,21 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const RobotPosterio
   }
   outcome.interrupted = fitter.Interrupted();
   if (best.u.size() == 0) return outcome;
+  const MatrixXd J = objective.Derivatives(best.u, settings.per_tick);
+  Refine(objective, J, settings, best);
   outcome.records = Split(objective, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
-  const MatrixXd of_variables = Sandwich(objective, best, settings);
+  const MatrixXd of_variables = Sandwich(objective, J, best, settings);
   const std::size_t n = prior.size();
-  const std::vector<double> factor = LowerFactor(prior.covariance, n);
-  const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> L(
-      factor.data(), ToIndex(n), ToIndex(n));
-  const MatrixXd covariance = L * of_variables * L.transpose();
+  const std::vector<double>& deviations = objective.deviations();
   outcome.posterior.quantities = prior.quantities;
   outcome.posterior.mean = objective.CoordinatesOf(best.u);
   outcome.posterior.covariance.resize(n * n);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t k = 0; k < n; ++k)
-      outcome.posterior.covariance[i * n + k] = covariance(ToIndex(i), ToIndex(k));
+      outcome.posterior.covariance[i * n + k] =
+          of_variables(ToIndex(i), ToIndex(k)) * deviations[i] * deviations[k];
   }
   outcome.evaluations = objective.evaluations();
   return outcome;

@@ -26,7 +26,7 @@ struct FitSettings {
   int iterations = 6;  ///< Of each.
   /// Root mean square of the residuals, in units of their noise, above which a fit does not explain
   /// its records.
-  double chi_max = 1.6;
+  double chi_max = 1.0;
   /// Standard deviations are multiplied by this, so that intervals cover what they promise
   /// (docs/identify.md has the measurement).
   double widening = 1.0;

@@ -37,6 +37,7 @@ DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>
     const RobotVariation::Joint& joint = variation.joints[j];
     motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
     motors[j].torque_factor *= joint.torque;
+    motors[j].velocity_filter_s += joint.velocity_filter_s;
     DriveEntry& drive = drives.drives[j];
     drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
     drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
