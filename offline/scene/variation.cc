@@ -10,6 +10,7 @@
 #include "common/core/index.h"
 #include "offline/scene/motor.h"
 #include "offline/scene/normal.h"
+#include "offline/scene/robot_posterior.h"
 
 namespace tumbler {
 namespace {
@@ -70,8 +71,42 @@ std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
   return v;
 }
 
+namespace {
+
+/// A robot of which something is known, with the delay and the start of another that is drawn.
+RobotVariation DrawKnown(const Scene& scene, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index) {
+  const RobotPosterior& known = *spreads.posterior;
+  Spreads others;
+  others.mass = 0;
+  others.LeaveGround();
+  others.delay_s = spreads.delay_s;
+  others.start_rad = spreads.start_rad;
+  others.start_rate_rad_s = spreads.start_rate_rad_s;
+  const RobotVariation other = DrawRobot(scene, others, scale, seed, index);
+  constexpr std::uint64_t kOtherSeed = 0x5bd1e995;  // so that the numbers are no longer the same
+  const std::vector<double> coordinates = known.Draw(scale, seed ^ kOtherSeed, index);
+  RobotVariation v = VariationOf(scene, known.quantities, coordinates);
+  v.delay_s = other.delay_s;
+  v.start_pitch_rate_rad_s = other.start_pitch_rate_rad_s;
+  for (std::size_t j = 0; j < v.joints.size(); ++j) {
+    v.joints[j].start_rad = other.joints[j].start_rad;
+    v.joints[j].start_rate_rad_s = other.joints[j].start_rate_rad_s;
+  }
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    const double deviation = known.DeviationOf(i);
+    if (deviation > 0)
+      v.deviates.push_back(
+          {NameOf(known.quantities[i]), (coordinates[i] - known.mean[i]) / deviation});
+  }
+  return v;
+}
+
+}  // namespace
+
 RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scale,
                          std::uint64_t seed, std::uint64_t index) {
+  if (spreads.posterior != nullptr) return DrawKnown(scene, spreads, scale, seed, index);
   const PlanarRobot& robot = scene.robot;
   const ContactLaw& contact = scene.contact;
   RobotVariation v;
@@ -136,6 +171,18 @@ int FinerStepsFor(const ContactLaw& model, const Spreads& spreads, double scale)
       return Raised(std::max(between->to / value, 1.0), scale);
     return 1.0;
   };
+  if (spreads.posterior != nullptr) {
+    double stiffness = 1, damping = 1;
+    for (std::size_t i = 0; i < spreads.posterior->size(); ++i) {
+      const RobotQuantity::Kind kind = spreads.posterior->quantities[i].kind;
+      constexpr double kFar = 3;
+      const double at_most = ValueOfCoordinate(
+          kind, spreads.posterior->mean[i] + kFar * scale * spreads.posterior->DeviationOf(i));
+      if (kind == RobotQuantity::Kind::kStiffness) stiffness = at_most / model.stiffness_n_per_m;
+      if (kind == RobotQuantity::Kind::kDamping) damping = at_most / model.damping_n_s_per_m;
+    }
+    return FinerStepsFor(stiffness, damping);
+  }
   return FinerStepsFor(most(spreads.stiffness, model.stiffness_n_per_m),
                        most(spreads.damping, model.damping_n_s_per_m));
 }

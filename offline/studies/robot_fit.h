@@ -54,6 +54,8 @@ struct FitResiduals {
 /// What records say of a robot.
 struct FitOutcome {
   RobotPosterior prior, posterior;
+  /// Of each coordinate before the first record of the robot; empty: those of the prior.
+  std::vector<double> first_deviations;
   std::vector<FitResiduals> records;
   double chi = 0;
   /// Whether chi is above its limit: physics, or the wire, are not as modelled, and the quantities
@@ -64,7 +66,7 @@ struct FitOutcome {
   int evaluations = 0;  ///< Robots that were played through all records.
   bool interrupted = false;
 
-  /// The part of the prior's deviation that is left of a quantity.
+  /// The part of a quantity's first deviation that is left.
   [[nodiscard]] double ShareLeft(std::size_t quantity) const;
   /// Whether the records tell a quantity.
   [[nodiscard]] bool Identifiable(std::size_t quantity) const { return ShareLeft(quantity) < 0.5; }

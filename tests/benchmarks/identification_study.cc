@@ -14,6 +14,12 @@
 
 #include "common/files/command_line.h"
 #include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "offline/certify/task_result.h"
+#include "offline/problem/posterior_toml.h"
+#include "offline/solve/guess.h"
+#include "offline/studies/gate.h"
+#include "offline/studies/identified_model.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/robot_fit.h"
 #include "tests/support/files.h"
@@ -57,6 +63,8 @@ ExitStatus Main(int argc, char** argv) {
   std::string drives;
   int robots = 20, first = 0;
   double torque = 1, filter_s = 0, lag_s = 0, weight = 0, widening = 1;
+  std::string task, guess;
+  double scale = 1;
   std::optional<std::uint64_t> seed;
   CommandLine line("Fits hidden robots.", "identification_study");
   line.Option("MOTION", motions, "motions that each robot plays").Required();
@@ -68,6 +76,9 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--torque-lag-s", lag_s, "of all drives").Within(0.0, 0.1);
   line.Option("--weigh", weight, "1: the robot is weighed").Within(0.0, 1.0);
   line.Option("--widening", widening, "of deviations").Within(0.1, 10.0);
+  line.Option("--scale", scale, "of what robots differ by").Within(0.0, 10.0);
+  line.Option("--task", task, "of a motion that is found anew for robots on which it fails");
+  line.Option("--guess", guess, "that motion");
   line.Seed(seed, "of the robots");
   line.Parse(argc, argv);
   std::vector<testing::HiddenRuns> runs;
@@ -79,6 +90,8 @@ ExitStatus Main(int argc, char** argv) {
   std::vector<std::string> order;
   std::vector<double> chis, cpu;
   int effective = 0, wrong = 0, missed = 0;
+  int stood = 0, not_found = 0, refused = 0, stands = 0, fell = 0;
+  std::vector<double> tuning;
   for (int i = 0; i < robots; ++i) {
     testing::HiddenRobot robot = testing::DrawHiddenRobot(runs.front().scene(), seed.value_or(1),
                                                           static_cast<std::uint64_t>(first + i));
@@ -86,6 +99,10 @@ ExitStatus Main(int argc, char** argv) {
     robot.velocity_filter_s = filter_s;
     robot.torque_lag_s = lag_s;
     const testing::TemporaryFolder folder;
+    if (!task.empty() && testing::HiddenRuns(guess, drives).Play(robot)) {
+      ++stood;
+      continue;  // A motion that stands is never replaced.
+    }
     std::vector<RecordedMotion> records;
     bool rests = true;
     double cpu_s = 0;
@@ -121,6 +138,37 @@ ExitStatus Main(int argc, char** argv) {
       figures[name].sigmas.push_back(error / fit.posterior.DeviationOf(q));
       figures[name].shares.push_back(fit.ShareLeft(q));
     }
+    if (!task.empty()) {
+      PosteriorFile known;
+      known.posterior = fit.posterior;
+      const double tuned = CpuSeconds();
+      Task own = IdentifiedTask(LoadTask(task), known);
+      TuneTo(known, {}, own);
+      TakeGuess(own, LoadPrimitive(guess), guess);
+      WorkSettings settings_of_work;
+      settings_of_work.quiet = true;
+      const TaskResult result = WorkOn(std::move(own), settings_of_work);
+      tuning.push_back(CpuSeconds() - tuned);
+      std::string became = "no motion found";
+      if (!result.file) {
+        ++not_found;
+        became = "no motion found: " + result.cause;
+      } else {
+        const std::string motion = folder / "tuned.toml";
+        PendingFile(motion, ToToml(*result.file)).Commit();
+        if (!PassGate(motion, drives, fit.posterior, {}).open()) {
+          ++refused;
+          became = "refused by the gate";
+        } else {
+          // The true robot is what differs from the first model, not from the identified one.
+          const bool works =
+              testing::HiddenRuns(motion, drives).OfModel(runs.front().scene()).Play(robot);
+          (works ? stands : fell) += 1;
+          became = works ? "stands" : "FELL";
+        }
+      }
+      fmt::print("  {} ({:.1f} s of tuning)\n", became, tuning.back());
+    }
     wrong += off ? 1 : 0;
     missed += off && !fit.effective ? 1 : 0;
     fmt::print("{}: chi {:.3f} starts {} cpu {:.2f} s{}{}\n", first + i, fit.chi, fit.starts,
@@ -132,6 +180,12 @@ ExitStatus Main(int argc, char** argv) {
       "{}), CPU median {:.2f} s\n",
       Quantile(chis, 0.05), Quantile(chis, 0.5), Quantile(chis, 0.95), effective, wrong, missed,
       Quantile(cpu, 0.5));
+  if (!task.empty()) {
+    fmt::print(
+        "{} stood already; of the others {} stand, {} fell, {} refused by the gate, {} without "
+        "a motion; tuning {:.1f} s of CPU in the median\n",
+        stood, stands, fell, refused, not_found, Quantile(tuning, 0.5));
+  }
   fmt::print("{:32} {:>10} {:>10} {:>8} {:>8} {:>8}\n", "quantity", "median", "largest", "cover95",
              "rms/sd", "share");
   for (const std::string& name : order) {

@@ -57,6 +57,12 @@ class HiddenRuns {
 
   [[nodiscard]] const Scene& scene() const { return shared_.scene; }
 
+  /// The same motion for robots that differ from this scene, whatever the motion was made for.
+  HiddenRuns& OfModel(const Scene& scene) {
+    shared_.scene = scene;
+    return *this;
+  }
+
   /// Plays the motion by the executor over a simulated bus, and records it.
   /// @returns whether it is as asked.
   bool Record(const HiddenRobot& robot, const std::string& record) const {
