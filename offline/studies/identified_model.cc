@@ -79,7 +79,7 @@ void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& tas
   RobustSettings& robust = *task.problem.robust;
   robust.spreads.posterior = std::make_shared<const RobotPosterior>(file.posterior);
   robust.polish_robots = std::min(robust.polish_robots, settings.robots);
-  robust.polish_rounds = 1;
+  robust.polish_rounds = settings.rounds;
   robust.generations = std::min(robust.generations, settings.generations);
 }
 
@@ -98,7 +98,7 @@ std::string GroundOf(const PosteriorFile& file, const ContactLaw& law) {
 
 std::string TwinOf(const PosteriorFile& file) {
   TomlWriter writer("a twin");
-  Head(writer, file, "Motors and ground that were identified, for motions of the identified URDF");
+  Head(writer, file, "The robot that was identified");
   const RobotPosterior& posterior = file.posterior;
   for (std::size_t i = 0; i < posterior.size(); ++i) {
     const Kind kind = posterior.quantities[i].kind;
@@ -114,6 +114,7 @@ std::string TwinOf(const PosteriorFile& file) {
   }
   writer.Line("format = \"tumbler-twin\"");
   writer.Line("version = 1");
+  writer.Text("robot", "robot.urdf");
   std::map<std::string, std::vector<std::pair<const char*, double>>> motors;
   for (std::size_t i = 0; i < posterior.size(); ++i) {
     const RobotQuantity& quantity = posterior.quantities[i];

@@ -21,7 +21,8 @@ Task IdentifiedTask(const Task& given, const PosteriorFile& file);
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
 /// a posterior differ little.
 struct TuningSettings {
-  int robots = 32, generations = 40;
+  int robots = 32, generations = 80;
+  int rounds = 2;  ///< Of which the first has half the robots.
 };
 
 /// Lets the search for a task's motion be judged by the robots of a posterior. At most these many
@@ -29,7 +30,7 @@ struct TuningSettings {
 /// @pre the task has `[robust]`.
 void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task);
 
-/// Motors and ground of the robot that was identified, as a twin file for its URDF.
+/// The robot that was identified as a twin file, with its URDF beside it, robot.urdf.
 std::string TwinOf(const PosteriorFile& file);
 
 /// The ground that was identified, as a task's `[contact]`.

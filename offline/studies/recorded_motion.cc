@@ -195,10 +195,10 @@ class Reader {
       return static_cast<std::size_t>(std::lround(time_s / result.tick_s));
     };
     if (begins - holds < count(settings_.hold_min_s)) {
-      Fail(
-          fmt::format("the robot was held for {:.3g} s before its motion; needed are {:.3g} s, in "
-                      "which it comes to rest",
-                      static_cast<double>(begins - holds) * result.tick_s, settings_.hold_min_s));
+      result.remarks.push_back(fmt::format(
+          "the robot was held for {:.3g} s before its motion; it is taken to have rested, "
+          "which takes {:.3g} s to see",
+          static_cast<double>(begins - holds) * result.tick_s, settings_.hold_min_s));
     }
     holds = std::max(holds, begins - std::min(begins, count(settings_.hold_s)));
     std::size_t end = begins, settles = 0;

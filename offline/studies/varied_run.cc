@@ -58,7 +58,8 @@ SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
                        SimulatedRobotConfig config) {
   CheckRanges(*std::make_unique<const Sequence<float>>(ToRuntime(motion.file())), drives);
   CheckSchedule(drives, [](const std::string& /*sentence*/) {});
-  SharedRobot shared{std::move(drives), std::move(config), motion.scene()};
+  Scene scene = config.scene ? *config.scene : motion.scene();
+  SharedRobot shared{std::move(drives), std::move(config), std::move(scene)};
   if (shared.config.twin.contact)
     shared.scene.contact = *std::exchange(shared.config.twin.contact, std::nullopt);
   shared.config.motors.resize(shared.drives.drives.size());

@@ -27,6 +27,11 @@ inline constexpr std::array kTwinFileKeys = {
         .Allowed("a file"),
     KeyOf<&TwinSources::drives>("drives", "drives, likewise; `tumbler run sim` takes them too")
         .Allowed("a file"),
+    KeyOf<&TwinSources::robot>("robot",
+                               "URDF in the place of the motion's, with the same links and joints: "
+                               "a robot that is not the one that the motion was found for")
+        .Default("the motion's")
+        .Allowed("a file"),
 };
 
 inline constexpr std::array kTwinStepKeys = {
