@@ -53,6 +53,7 @@ constexpr std::array kCommands = {
     Command{"look", "export", "Write a motion for others: a C++ header, MJCF, setpoints"},
     Command{"bench", "bench", "Commission motor drives", Half::kRuntime},
     Command{"bench", "drives", "Simulate motor drives on a CAN interface", Half::kRuntime},
+    Command{"study", "identify", "From a robot's records to its model"},
     Command{"study", "robustness", "How many robots that are not the model survive a motion"},
     Command{"study", "abort", "What hurts a robot least when its motion cannot go on"},
 };

@@ -359,12 +359,21 @@ std::int64_t SimulatedBus::NextDelivery() const noexcept {
   for (const auto& port : ports_) {
     for (const SimulatedPort::Held& held : port->held_) next = std::min(next, held.due_ns);
     if (!port->Wants()) continue;
-    const SimulatedPort::Entry& entry = port->transmit_.front();
+    // The frame on the wire is its sender's first one still.
+    const SimulatedPort::Queue& queue = port->transmit_;
+    const int waiting = port->head_on_wire_ ? 1 : 0;
+    if (queue.count <= waiting) continue;
+    const SimulatedPort::Entry& entry =
+        queue.entries[static_cast<std::size_t>(queue.first + waiting) % queue.entries.size()];
+    const bool last = queue.count == waiting + 1;
     const bool heeded = SomebodyHeeds(entry.frame);
-    if (!heeded && port->transmit_.count == 1) continue;
-    // Where nobody heeds it, the next one may begin after it.
+    if (!heeded && last) continue;
+    // Where nobody heeds it, the next one may begin after it; where it may be lost, in its place.
+    const bool stays = last || port->config_.auto_retransmit || port->config_.waits_for_bus;
+    const int shortest = UnstuffedFrameBits(CanIdKind::kStandard, 0) - kIntermissionBits;
     const int bits = heeded ? entry.bits - kIntermissionBits : entry.bits;
-    next = std::min(next, std::max(free_ns, port->ReadyAt()) + bits * bit_time_ns_);
+    next = std::min(next, std::max({free_ns, entry.time_ns, port->suspended_until_ns_}) +
+                              (stays ? bits : shortest) * bit_time_ns_);
   }
   return next;
 }

@@ -30,6 +30,12 @@ struct SimulatedMotorConfig {
   /// >= 0: time constant of the current loop, which the torque follows in the first order. 0 is at
   /// once; real loops are tuned to 0.1 to 1 ms.
   double torque_time_constant_s = 0;
+  /// > 0: what the motor exerts for each newton metre that its drive reckons with. A torque
+  /// constant that is 3 % larger than the drive's is 1.03.
+  double torque_factor = 1;
+  /// >= 0: time constant of the first-order filter through which the drive's law and its replies
+  /// see the velocity, which is a difference of encoder counts. 0: the true velocity.
+  double velocity_filter_s = 0;
   /// The winding starts at the ambient temperature and approaches ambient + heating torque^2 in the
   /// first order, with the time constant below. An infinite one keeps its temperature as it is.
   double ambient_c = 25;
@@ -39,9 +45,10 @@ struct SimulatedMotorConfig {
 
 /// What a drive knows of its shaft when it computes a torque.
 struct Shaft {
-  double angle_rad = 0;  ///< The true angle.
-  double velocity_rad_s = 0;
-  double encoder_step_rad = 0;  ///< 0: the encoder is exact.
+  double angle_rad = 0;            ///< The true angle.
+  double velocity_rad_s = 0;       ///< As the drive measures it.
+  double true_velocity_rad_s = 0;  ///< That which limits the motor's voltage.
+  double encoder_step_rad = 0;     ///< 0: the encoder is exact.
 
   /// The angle that the encoder reads [rad], where it reads zero at the true angle `zero_rad`.
   [[nodiscard]] double Measured(double zero_rad) const noexcept {
@@ -77,7 +84,7 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] virtual bool enabled() const noexcept = 0;
   /// The position that the drive holds the joint to, or nothing where it holds none.
   [[nodiscard]] virtual std::optional<double> target_rad() const noexcept = 0;
-  /// The torque that acts at the shaft.
+  /// The torque that the drive reckons to act at the shaft.
   [[nodiscard]] double torque_nm() const noexcept { return torque_nm_; }
   /// Whether the host's silence has taken the torque away. (Some drives brake first.)
   [[nodiscard]] virtual bool limp() const noexcept = 0;
@@ -135,7 +142,8 @@ class SimulatedDrive : public SimulatedNode {
   }
 
  private:
-  [[nodiscard]] Shaft ShaftAt(double joint_position_rad,
+  /// The shaft at a time not before the last step, its encoder exact.
+  [[nodiscard]] Shaft ShaftAt(std::int64_t time_ns, double joint_position_rad,
                               double joint_velocity_rad_s) const noexcept;
   [[nodiscard]] double LimitedLaw(std::int64_t time_ns, const Shaft& shaft) const noexcept;
 

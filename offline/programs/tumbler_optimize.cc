@@ -26,8 +26,10 @@
 #include "offline/pages/motion_report.h"
 #include "offline/pages/page_file.h"
 #include "offline/pages/report.h"
+#include "offline/problem/posterior_toml.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/guess.h"
+#include "offline/studies/identified_model.h"
 
 namespace tumbler {
 namespace {
@@ -45,6 +47,7 @@ struct Arguments {
   std::vector<std::string> tasks;
   std::string start_from;
   std::string guess;
+  std::string posterior;                ///< What is known of the robot.
   std::vector<std::string> complement;  ///< Primitives that are tried before.
   std::string out;
   std::string report;
@@ -64,6 +67,22 @@ Task Load(const Arguments& arguments, const std::string& path) {
   Task task = arguments.start_from.empty()
                   ? LoadTask(path)
                   : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
+  if (!arguments.posterior.empty()) {
+    const PosteriorFile known = LoadPosterior(arguments.posterior);
+    if (!task.problem.robust) {
+      throw FileError(path, 0, "robust",
+                      "is not there; a motion for a robot that was identified (--posterior) is "
+                      "judged by robots that this may be: give the task [robust]");
+    }
+    if (known.effective) {
+      fmt::print(stderr,
+                 "note: {} is of an effective model, which does not explain its records; try the "
+                 "motion in tumbler identify gate first\n",
+                 arguments.posterior);
+    }
+    task = IdentifiedTask(task, known);
+    TuneTo(known, {}, task);
+  }
   Problem& problem = task.problem;
   if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
   CheckGuess(task);
@@ -111,7 +130,7 @@ ReportData PageOf(const TaskResult& result) {
 ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
   Task task = Load(arguments, arguments.tasks.front());
-  for (const std::string& path : {arguments.start_from, arguments.guess}) {
+  for (const std::string& path : {arguments.start_from, arguments.guess, arguments.posterior}) {
     if (!path.empty()) inputs.push_back(path);
   }
   inputs.insert(inputs.end(), arguments.complement.begin(), arguments.complement.end());
@@ -247,6 +266,8 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
     throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
   if (!arguments.guess.empty())
     throw std::invalid_argument("--guess: is for one task; give the tasks one at a time");
+  if (!arguments.posterior.empty())
+    throw std::invalid_argument("--posterior: is for one task; give the tasks one at a time");
   if (!arguments.complement.empty())
     throw std::invalid_argument("--complement: is for one task; give the tasks one at a time");
   std::vector<Task> tasks = LoadSeveral(arguments);
@@ -309,6 +330,11 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--complement", arguments.complement,
               "Find the motion for the robots on which these primitives fail, which are tried "
               "before it; for tasks with [robust]");
+  line.Option(
+      "--posterior", arguments.posterior,
+      "Find the motion for the robot of this posterior (tumbler identify fit): its URDF and "
+      "ground take the place of the task's, and robots that it may be judge the motion, few "
+      "and for a short while, since it begins near; for tasks with [robust]");
   line.Option("--out", arguments.out,
               "Write the primitive here; for several tasks the folder, for NAME.toml of each");
   line.Seed(arguments.seed, "Seed of the global search, instead of the task's");

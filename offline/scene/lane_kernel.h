@@ -14,6 +14,9 @@ namespace tumbler {
 struct LaneSteps {
   double tick_s = 1e-3;  ///< From one setpoint to the next.
   int per_tick = 4;      ///< Integration steps in a tick.
+  /// Integration steps for which a drive keeps the torque of its law: those of a drive whose loop
+  /// is slower than they are.
+  int law_every = 1;
 };
 
 /// The setpoints that the drives of a robot obey.
@@ -37,7 +40,7 @@ struct LaneKernel {
 
   /// Drives robots along setpoints, one for each joint and tick, joint by joint. A setpoint acts
   /// from its tick and the joint's delay on; before that acts the one before, `held` at first. The
-  /// drive's law is that of MIT drives, at every integration step:
+  /// drive's law is that of MIT drives, at every integration step or less often:
   ///
   ///   torque = kp (position - measured) + kd (velocity - measured) + feed-forward,
   ///

@@ -1,31 +1,37 @@
 #pragma once
 
-#include <bit>
 #include <cstddef>
 #include <span>
 
 #include "offline/scene/lane_dynamics.h"
 #include "offline/scene/lane_plan_kernel.h"
+#include "offline/scene/lane_steps.h"
 #include "offline/scene/tableau.h"
 
 namespace tumbler {
 inline namespace TUMBLER_LANES_NAMESPACE {
 
-/// Plans of robots whose joints are prescribed by splines. P is the type of a lane's numbers in
-/// memory, S that of the vectors, of the same size.
-template <class P, class S>
+/// Plans of robots whose joints are prescribed by splines, for some lanes. P is the type of the
+/// robots' numbers in memory, S what is computed with, Tree as LaneDynamics has it.
+template <class Tree, class P, class S>
 class LanePlanRun {
  public:
-  LanePlanRun(const LaneModel& model, const LaneRobot<S>& robot, const LanePlan& plan,
-              std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record)
+  LanePlanRun(const LaneModel& model, const LaneRobot<P>& robot, const LanePlan& plan,
+              std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record,
+              LanesFrom<S> lanes)
       : model_(model),
         plan_(plan),
         points_(points),
         record_(record),
-        dynamics_(model, robot),
-        state_(std::bit_cast<LaneState<S>>(start)),
+        lanes_(lanes),
+        dynamics_(model, robot, lanes),
         effort_(S(0)),
-        largest_(S(0)) {}
+        largest_(S(0)) {
+    for (std::size_t d = 0; d < model.joints + 3; ++d) {
+      state_.q[d] = lanes(start.q[d]);
+      state_.v[d] = lanes(start.v[d]);
+    }
+  }
 
   void Run() {
     std::size_t look = 0;
@@ -50,8 +56,8 @@ class LanePlanRun {
       }
     }
     Look(plan_.steps.size(), look);
-    record_.effort = std::bit_cast<P>(effort_);
-    record_.largest = std::bit_cast<P>(largest_);
+    lanes_.Put(effort_, record_.effort);
+    lanes_.Put(largest_, record_.largest);
   }
 
  private:
@@ -61,8 +67,13 @@ class LanePlanRun {
   };
 
   void Look(std::size_t step, std::size_t& look) {
-    for (; look < plan_.looks.size() && plan_.looks[look] == step; ++look)
-      record_.at_look[look] = std::bit_cast<LaneState<P>>(state_);
+    for (; look < plan_.looks.size() && plan_.looks[look] == step; ++look) {
+      LaneState<P>& at = record_.at_look[look];
+      for (std::size_t d = 0; d < model_.joints + 3; ++d) {
+        lanes_.Put(state_.q[d], at.q[d]);
+        lanes_.Put(state_.v[d], at.v[d]);
+      }
+    }
   }
 
   /// Puts the joints where they are at a point of the motion.
@@ -72,7 +83,7 @@ class LanePlanRun {
       const P* const first = points_.data() + plan_.first_point[j] + w.first;
       S q(0), v(0), a(0);
       for (std::size_t i = 0; i < plan_.weights; ++i) {
-        const S c = std::bit_cast<S>(first[i]);
+        const S c = lanes_(first[i]);
         q += S(w.of[0][i]) * c;
         v += S(w.of[1][i]) * c;
         a += S(w.of[2][i]) * c;
@@ -86,7 +97,7 @@ class LanePlanRun {
   /// Puts the joints where they are held.
   void Hold() {
     for (std::size_t j = 0; j < model_.joints; ++j) {
-      state_.q[j + 3] = std::bit_cast<S>(points_[plan_.last_point[j]]);
+      state_.q[j + 3] = lanes_(points_[plan_.last_point[j]]);
       state_.v[j + 3] = S(0);
       acceleration_[j] = S(0);
     }
@@ -103,9 +114,9 @@ class LanePlanRun {
   }
 
   void Record(std::size_t stage) {
-    record_.depth[stage] = std::bit_cast<P>(dynamics_.depth());
+    lanes_.Put(dynamics_.depth(), record_.depth[stage]);
     for (std::size_t j = 0; j < model_.joints; ++j)
-      record_.torque[stage * model_.joints + j] = std::bit_cast<P>(tau_[j + 3]);
+      lanes_.Put(tau_[j + 3], record_.torque[stage * model_.joints + j]);
   }
 
   void AddEffort(double weight) {
@@ -172,19 +183,29 @@ class LanePlanRun {
   const LanePlan& plan_;
   std::span<const P> points_;
   LanePlanRecord<P>& record_;
-  LaneDynamics<S> dynamics_;
+  LanesFrom<S> lanes_;
+  LaneDynamics<S, P, Tree> dynamics_;
   LaneState<S> state_;
   std::array<S, LaneModel::kMaxJoints> acceleration_;
-  typename LaneDynamics<S>::Numbers tau_{}, qdd_{};
+  typename LaneDynamics<S, P, Tree>::Numbers tau_{}, qdd_{};
   S effort_, largest_;
 };
 
 /// Adapts LanePlanKernel::run.
 template <class P, class S>
-void RunLanePlans(const LaneModel& model, const LaneRobot<P>& given, const LanePlan& plan,
+void RunLanePlans(const LaneModel& model, const LaneRobot<P>& robot, const LanePlan& plan,
                   std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record) {
-  const auto robot = std::bit_cast<LaneRobot<S>>(given);
-  LanePlanRun<P, S>(model, robot, plan, points, start, record).Run();
+  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {
+    const LanesFrom<S> lanes(first);
+    const auto run = [&]<class Tree>() {
+      LanePlanRun<Tree, P, S>(model, robot, plan, points, start, record, lanes).Run();
+    };
+    if (TwoOnRoot::IsOf(model)) {
+      run.template operator()<TwoOnRoot>();
+    } else {
+      run.template operator()<AnyTree>();
+    }
+  }
 }
 
 }  // namespace TUMBLER_LANES_NAMESPACE

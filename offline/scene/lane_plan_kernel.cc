@@ -16,7 +16,7 @@ const LanePlanKernel<double>& OneRobotPlanKernel() {
 }
 
 std::vector<const LanePlanKernel<Packet>*> PacketPlanKernels() {
-  static constexpr LanePlanKernel<Packet> plain{"SSE2", RunLanePlans<Packet, Vectors<2>>};
+  static constexpr LanePlanKernel<Packet> plain{"SSE2", RunLanePlans<Packet, Vector<2>>};
   std::vector<const LanePlanKernel<Packet>*> kernels;
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx512f")) kernels.push_back(&Avx512PlanKernel());

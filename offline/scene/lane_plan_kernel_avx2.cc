@@ -8,7 +8,7 @@ namespace tumbler {
 
 const LanePlanKernel<Packet>& Avx2PlanKernel();
 const LanePlanKernel<Packet>& Avx2PlanKernel() {
-  static constexpr LanePlanKernel<Packet> kernel{"AVX2", RunLanePlans<Packet, Vectors<4>>};
+  static constexpr LanePlanKernel<Packet> kernel{"AVX2", RunLanePlans<Packet, Vector<4>>};
   return kernel;
 }
 

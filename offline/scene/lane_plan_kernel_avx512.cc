@@ -8,7 +8,7 @@ namespace tumbler {
 
 const LanePlanKernel<Packet>& Avx512PlanKernel();
 const LanePlanKernel<Packet>& Avx512PlanKernel() {
-  static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vectors<8>>};
+  static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vector<8>>};
   return kernel;
 }
 

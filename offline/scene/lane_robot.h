@@ -50,9 +50,10 @@ struct LaneRobot {
     S lower, upper;  ///< Where the stops are [rad].
     S torque_max;
     S kp, kd;
-    S feed_forward;  ///< Factor of the feed-forward torque.
-    S zero_error;    ///< The encoder's reading less the true angle [rad].
-    S delay;         ///< From a tick to when its setpoint acts [s], at most a tick's length.
+    S feed_forward;     ///< Factor of the feed-forward torque.
+    S zero_error;       ///< The encoder's reading less the true angle [rad].
+    S delay;            ///< From a tick to when its setpoint acts [s], at most a tick's length.
+    S velocity_filter;  ///< Time constant with which the drive sees its velocity [s]; 0: at once.
   };
   struct Point {
     S x, z, radius;
@@ -83,6 +84,7 @@ template <class S>
 struct LaneState {
   std::array<S, LaneModel::kMaxDofs> q;
   std::array<S, LaneModel::kMaxDofs> v;
+  std::array<S, LaneModel::kMaxJoints> seen;  ///< Velocities of joints, as their drives see them.
 };
 
 /// The setpoint of one joint for one tick.

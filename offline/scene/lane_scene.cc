@@ -53,7 +53,8 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
                                  drive.kd,
                                  1.0,
                                  0.0,
-                                 drive.delay_s};
+                                 drive.delay_s,
+                                 0.0};
   }
 }
 

@@ -28,15 +28,25 @@ class LaneDriveLaw {
   /// @param largest  takes the largest |torque| of the motor.
   [[gnu::always_inline]] S Torque(const LaneSetpoint<P>& before, const LaneSetpoint<P>& now,
                                   const S& since, const S& q, const S& v, S& largest) const {
+    return AtJoint(Exerted(before, now, since, q, v), q, v, largest);
+  }
+
+  /// The torque of the motor alone. @param seen  the velocity that the drive sees.
+  [[gnu::always_inline]] S Exerted(const LaneSetpoint<P>& before, const LaneSetpoint<P>& now,
+                                   const S& since, const S& q, const S& seen) const {
     const auto late = since < lanes_(drive_.delay);
     const S wanted = ImpedanceTorque<S>(
         lanes_(drive_.kp),
         Select(late, lanes_(before.position), lanes_(now.position)) -
             (q + lanes_(drive_.zero_error)),
-        lanes_(drive_.kd), Select(late, lanes_(before.velocity), lanes_(now.velocity)) - v,
+        lanes_(drive_.kd), Select(late, lanes_(before.velocity), lanes_(now.velocity)) - seen,
         lanes_(drive_.feed_forward) * Select(late, lanes_(before.third), lanes_(now.third)));
     const S limit = lanes_(drive_.torque_max);
-    const S torque = Clamp(wanted, -limit, limit);
+    return Clamp(wanted, -limit, limit);
+  }
+
+  /// The torque at the joint where the motor exerts this one.
+  [[gnu::always_inline]] S AtJoint(const S& torque, const S& q, const S& v, S& largest) const {
     largest = Max(largest, Max(torque, -torque));
     // What adds nothing in any lane is left out.
     const S moving = rubs_ ? torque - lanes_(drive_.dry_friction) * DryFrictionShare(v) : torque;
@@ -67,7 +77,10 @@ struct LaneProgress {
       state.q[d] = lanes(from.q[d]);
       state.v[d] = lanes(from.v[d]);
     }
-    for (std::size_t j = 0; j < joints; ++j) torque[j] = lanes(watch.torque[j]);
+    for (std::size_t j = 0; j < joints; ++j) {
+      torque[j] = lanes(watch.torque[j]);
+      state.seen[j] = lanes(from.seen[j]);
+    }
   }
   void Put(LaneState<P>& to, LaneWatch<P>& watch, std::size_t joints, LanesFrom<S> lanes) const {
     lanes.Put(root_speed, watch.root_speed);
@@ -76,7 +89,10 @@ struct LaneProgress {
       lanes.Put(state.q[d], to.q[d]);
       lanes.Put(state.v[d], to.v[d]);
     }
-    for (std::size_t j = 0; j < joints; ++j) lanes.Put(torque[j], watch.torque[j]);
+    for (std::size_t j = 0; j < joints; ++j) {
+      lanes.Put(torque[j], watch.torque[j]);
+      lanes.Put(state.seen[j], to.seen[j]);
+    }
   }
 };
 
@@ -93,15 +109,35 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
   const LaneSetpoint<P>* before = held.data();
+  // Drives of which the law is computed at every step and sees the velocity at once are the rule.
+  // Else: of the backward Euler method between two evaluations; the filter lags by its constant.
+  std::array<S, LaneModel::kMaxJoints> share, exerted;
+  exerted.fill(S(0));
+  bool plain = steps.law_every == 1;
+  for (std::size_t j = 0; j < joints; ++j) {
+    const S between(h_s * steps.law_every), filter = lanes(robot.joints[j].velocity_filter);
+    share[j] = between / (filter + between);
+    plain = plain && !Any(S(0) < filter);
+  }
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
     const LaneSetpoint<P>* const now = setpoints.data() + k;
     for (int i = 0; i < steps.per_tick; ++i) {
       const S since(h_s * (i + 0.5));
       tree.Outwards([&](auto body) __attribute__((always_inline)) {
         const std::size_t j = body - 1;
-        tau[j + 3] = LaneDriveLaw<S, P>(robot, j, lanes)
-                         .Torque(before[j], now[j], since, robots.state.q[j + 3],
-                                 robots.state.v[j + 3], robots.torque[j]);
+        const LaneDriveLaw<S, P> law(robot, j, lanes);
+        const S &q = robots.state.q[j + 3], &v = robots.state.v[j + 3];
+        if (plain) {
+          tau[j + 3] = law.Torque(before[j], now[j], since, q, v, robots.torque[j]);
+          return;
+        }
+        if (i % steps.law_every == 0) {
+          S& seen = robots.state.seen[j];
+          const auto filtered = S(0) < lanes(robot.joints[j].velocity_filter);
+          seen = Select(filtered, seen + share[j] * (v - seen), v);
+          exerted[j] = law.Exerted(before[j], now[j], since, q, seen);
+        }
+        tau[j + 3] = law.AtJoint(exerted[j], q, v, robots.torque[j]);
       });
       dynamics.Accelerate(robots.state, tau, qdd);
       robots.depth = Max(robots.depth, dynamics.depth());

@@ -8,7 +8,9 @@
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
+#include "offline/scene/motor.h"
 #include "offline/scene/normal.h"
+#include "offline/scene/robot_posterior.h"
 
 namespace tumbler {
 namespace {
@@ -69,8 +71,42 @@ std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
   return v;
 }
 
+namespace {
+
+/// A robot of which something is known, with the delay and the start of another that is drawn.
+RobotVariation DrawKnown(const Scene& scene, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index) {
+  const RobotPosterior& known = *spreads.posterior;
+  Spreads others;
+  others.mass = 0;
+  others.LeaveGround();
+  others.delay_s = spreads.delay_s;
+  others.start_rad = spreads.start_rad;
+  others.start_rate_rad_s = spreads.start_rate_rad_s;
+  const RobotVariation other = DrawRobot(scene, others, scale, seed, index);
+  constexpr std::uint64_t kOtherSeed = 0x5bd1e995;  // so that the numbers are no longer the same
+  const std::vector<double> coordinates = known.Draw(scale, seed ^ kOtherSeed, index);
+  RobotVariation v = VariationOf(scene, known.quantities, coordinates);
+  v.delay_s = other.delay_s;
+  v.start_pitch_rate_rad_s = other.start_pitch_rate_rad_s;
+  for (std::size_t j = 0; j < v.joints.size(); ++j) {
+    v.joints[j].start_rad = other.joints[j].start_rad;
+    v.joints[j].start_rate_rad_s = other.joints[j].start_rate_rad_s;
+  }
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    const double deviation = known.DeviationOf(i);
+    if (deviation > 0)
+      v.deviates.push_back(
+          {NameOf(known.quantities[i]), (coordinates[i] - known.mean[i]) / deviation});
+  }
+  return v;
+}
+
+}  // namespace
+
 RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scale,
                          std::uint64_t seed, std::uint64_t index) {
+  if (spreads.posterior != nullptr) return DrawKnown(scene, spreads, scale, seed, index);
   const PlanarRobot& robot = scene.robot;
   const ContactLaw& contact = scene.contact;
   RobotVariation v;
@@ -135,6 +171,18 @@ int FinerStepsFor(const ContactLaw& model, const Spreads& spreads, double scale)
       return Raised(std::max(between->to / value, 1.0), scale);
     return 1.0;
   };
+  if (spreads.posterior != nullptr) {
+    double stiffness = 1, damping = 1;
+    for (std::size_t i = 0; i < spreads.posterior->size(); ++i) {
+      const RobotQuantity::Kind kind = spreads.posterior->quantities[i].kind;
+      constexpr double kFar = 3;
+      const double at_most = ValueOfCoordinate(
+          kind, spreads.posterior->mean[i] + kFar * scale * spreads.posterior->DeviationOf(i));
+      if (kind == RobotQuantity::Kind::kStiffness) stiffness = at_most / model.stiffness_n_per_m;
+      if (kind == RobotQuantity::Kind::kDamping) damping = at_most / model.damping_n_s_per_m;
+    }
+    return FinerStepsFor(stiffness, damping);
+  }
   return FinerStepsFor(most(spreads.stiffness, model.stiffness_n_per_m),
                        most(spreads.damping, model.damping_n_s_per_m));
 }
@@ -161,7 +209,21 @@ Scene Varied(Scene scene, const RobotVariation& v) {
   }
   for (ContactShape<Plane>& shape : robot.shapes) shape.shape.centre.x() *= length_of(shape.body);
   for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= length_of(own.body);
+  for (std::size_t j = 0; j < v.joints.size(); ++j) {
+    const RobotVariation::Joint& joint = v.joints[j];
+    const std::size_t place = robot.DofOfJoint(j);
+    Dof<Plane>& dof = robot.tree.dofs[place];
+    dof.rotor_inertia_kg_m2 *= joint.rotor_inertia;
+    // What the motor has by default comes to this later, and stays.
+    dof.damping_nm_s_per_rad =
+        std::max(dof.damping_nm_s_per_rad + joint.viscous_friction_nm_s_per_rad,
+                 -kUsualViscousFriction_nm_s_per_rad);
+    double& dry =
+        scene.motors.empty() ? robot.dry_friction_nm[place] : scene.motors[j].dry_friction_nm;
+    dry = std::max(0.0, dry + joint.dry_friction_nm);
+  }
   scene.contact.mu *= v.friction;
+  scene.contact.v_max_m_per_s *= v.creep_speed;
   scene.contact.stiffness_n_per_m *= v.stiffness;
   scene.contact.damping_n_s_per_m *= v.damping;
   Tilt(robot, v.slope_rad);

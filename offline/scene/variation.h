@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,8 @@
 #include "offline/scene/scene.h"
 
 namespace tumbler {
+
+struct RobotPosterior;
 
 /// By how much robots differ from the model: standard deviations, each >= 0, but for the ground,
 /// whose properties may have a range. Factors are of the model's value.
@@ -28,6 +31,9 @@ struct Spreads {
   double zero_rad = 0;          ///< Of what each encoder reads at the joint's zero.
   double start_rad = 0;         ///< Of each joint's position when the first motion begins.
   double start_rate_rad_s = 0;  ///< Of the rates of pitch and joints, likewise.
+  /// What is known of the one robot of which all are: its mean and covariance take the place of the
+  /// deviations above, but for those of delay and start. Null: nothing.
+  std::shared_ptr<const RobotPosterior> posterior;
 
   /// Lets robots have the model's ground.
   void LeaveGround() { friction = stiffness = damping = 0; }
@@ -43,11 +49,18 @@ struct RobotVariation {
   struct Joint {
     double gain = 1, torque_limit = 1;  ///< Factors.
     double zero_rad = 0;                ///< What the encoder reads more than the true angle.
+    double torque = 1;  ///< Factor of all that the motor exerts, which its drive ignores.
+    /// Added to the time constant with which its drive sees the velocity; >= 0.
+    double velocity_filter_s = 0;
+    double rotor_inertia = 1;  ///< Factor.
+    /// Added to the friction of the joint. Neither becomes negative.
+    double viscous_friction_nm_s_per_rad = 0, dry_friction_nm = 0;
     double start_rad = 0, start_rate_rad_s = 0;  ///< Added when the first motion begins.
   };
   std::vector<Link> links;    ///< In the order of the robot's bodies, the root that moves first.
   std::vector<Joint> joints;  ///< In the robot's order.
   double friction = 1, stiffness = 1, damping = 1;
+  double creep_speed = 1;  ///< Factor of the speed from which on friction is full.
   double slope_rad = 0;
   double delay_s = 0;                 ///< >= 0
   double start_pitch_rate_rad_s = 0;  ///< Added when the first motion begins.

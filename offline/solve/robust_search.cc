@@ -184,8 +184,7 @@ class RobustSearch {
       places_.push_back({Index(term.dof), term.target, tolerance_rad_ / term.tolerance});
     }
     model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kRough);
-    if (!complement_.empty())
-      fine_model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kFine);
+    if (beside_model()) fine_model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kFine);
   }
 
   /// @param guess  a motion to begin with, in place of the first two stages; empty: none. Where a
@@ -341,6 +340,11 @@ class RobustSearch {
   [[nodiscard]] bool feeds_back() const {
     return robust_.feedback && robust_.feedback->acts != FeedbackSettings::Acts::kHold;
   }
+  /// Whether the model is none of the robots: others carry it, or it is known that the robot has
+  /// friction, zeros and a slope that the model has not.
+  [[nodiscard]] bool beside_model() const {
+    return !complement_.empty() || robust_.spreads.posterior != nullptr;
+  }
   [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
   [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }
   /// By how much a motion is faster than one of the problem's duration.
@@ -357,9 +361,12 @@ class RobustSearch {
       auto& joint = lanes.robot.joints[j];
       joint.torque_max = problem_.joints[j].limits.torque_max_nm;
       if (model) continue;
-      joint.torque_max *= variation.joints[j].torque_limit;
-      joint.kp *= variation.joints[j].gain;
-      joint.kd *= variation.joints[j].gain;
+      const double torque = variation.joints[j].torque;
+      joint.torque_max *= variation.joints[j].torque_limit * torque;
+      joint.kp *= variation.joints[j].gain * torque;
+      joint.kd *= variation.joints[j].gain * torque;
+      joint.feed_forward = torque;
+      joint.velocity_filter = variation.joints[j].velocity_filter_s;
       joint.delay = std::min(joint.delay + variation.delay_s, kTick_s);
       joint.zero_error = variation.joints[j].zero_rad;
     }
@@ -598,7 +605,7 @@ class RobustSearch {
     const auto model = PackLanes<LaneRobot>(robots);
     kernel_.prescribe(lanes_.model, model, step_s, setpoints, state, watch, torques);
     std::vector<Plan> plans(motions.size());
-    if (!complement_.empty()) NoteUnrest(model, step_s, setpoints, state, plans);
+    if (beside_model()) NoteUnrest(model, step_s, setpoints, state, plans);
     for (std::size_t m = 0; m < motions.size(); ++m) {
       plans[m].excess += std::max(0.0, watch.depth.lane(m) - Planning::kLargestDepth);
       for (std::size_t j = 0; j < joints_; ++j) {
@@ -615,7 +622,9 @@ class RobustSearch {
   /// the settle phase. What is found for robots that others carry does so by itself.
   void NoteUnrest(const LaneRobot<Packet>& model, double step_s, const Setpoints& setpoints,
                   LaneState<Packet>& state, std::vector<Plan>& plans) const {
-    constexpr double kPart = 0.7;  // of the tolerances
+    // Of the tolerances. On the ground of a posterior, which may damp little, a robot rocks less in
+    // the steps of lanes than in those of the second look.
+    const double part = complement_.empty() ? 0.4 : 0.7;
     const std::array<double, kLanes> off = OffOf(state);
     Setpoints last;
     const auto steps = static_cast<int>(std::lround(Watching::kWatched_s / step_s));
@@ -628,8 +637,8 @@ class RobustSearch {
     kernel_.prescribe(lanes_.model, model, step_s, last, state, watch, torques);
     for (std::size_t m = 0; m < plans.size(); ++m) {
       const double speed = watch.root_speed.lane(m);
-      plans[m].excess += std::max(0.0, off[m] / (kPart * tolerance_rad_) - 1);
-      plans[m].excess += std::max(0.0, speed / (kPart * CostTerm::kRateTolerance) - 1);
+      plans[m].excess += std::max(0.0, off[m] / (part * tolerance_rad_) - 1);
+      plans[m].excess += std::max(0.0, speed / (part * CostTerm::kRateTolerance) - 1);
       if (!std::isfinite(plans[m].excess)) plans[m].excess = Planning::kUnplayable;
     }
   }
@@ -1028,8 +1037,8 @@ class RobustSearch {
       const std::vector<Plan> plans = Plans(playable);
       for (std::size_t m = 0; m < playable.size(); ++m) {
         losses[which[m]] += Judge(playable[m], plans[m], ensemble, distances) + 2 * plans[m].excess;
-        // Of those that others do not carry the model is none, and it has to do what the task asks.
-        if (!complement_.empty()) {
+        // The model is none of these, and it has to do what the task asks.
+        if (beside_model()) {
           const double model = Judge(playable[m], plans[m], fine_model_, distances);
           losses[which[m]] += std::max(0.0, model - Complementing::kCalm);
         }
@@ -1200,7 +1209,7 @@ class RobustSearch {
     elite_ = {from.x};
     for (int g = 0; g < generations && !interrupted(); ++g) {
       if (best.loss < Improving::kPerfect) break;
-      if (complement_.empty() && g >= Improving::kHopelessAfter &&
+      if (!beside_model() && g >= Improving::kHopelessAfter &&
           best.loss > std::min(Improving::kHopeless, 3 * rival + 0.1))
         break;
       std::vector<std::vector<double>> motions = search.Ask();

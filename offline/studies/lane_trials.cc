@@ -157,9 +157,12 @@ LaneRobot<double> LaneTrials::RobotOf(const Scene& scene, const RobotVariation& 
   const double tick_s = steps_.tick_s;
   for (std::size_t j = 0; j < drives_.size(); ++j) {
     auto& joint = robot.joints[j];
-    joint.kp = drives_[j].kp * variation.joints[j].gain;
-    joint.kd = drives_[j].kd * variation.joints[j].gain;
-    joint.torque_max = drives_[j].torque_max_nm * variation.joints[j].torque_limit;
+    const double torque = variation.joints[j].torque;
+    joint.kp = drives_[j].kp * variation.joints[j].gain * torque;
+    joint.kd = drives_[j].kd * variation.joints[j].gain * torque;
+    joint.torque_max = drives_[j].torque_max_nm * variation.joints[j].torque_limit * torque;
+    joint.feed_forward = torque;
+    joint.velocity_filter = variation.joints[j].velocity_filter_s;
     const double late_s = std::fmod(variation.delay_s, tick_s);
     joint.delay = std::min(drives_[j].delay_s + late_s, tick_s);
     const JointMotor& motor = trials_.robot().motors[j];

@@ -36,6 +36,8 @@ DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>
   for (std::size_t j = 0; j < variation.joints.size(); ++j) {
     const RobotVariation::Joint& joint = variation.joints[j];
     motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
+    motors[j].torque_factor *= joint.torque;
+    motors[j].velocity_filter_s += joint.velocity_filter_s;
     DriveEntry& drive = drives.drives[j];
     drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
     drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
@@ -56,7 +58,8 @@ SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
                        SimulatedRobotConfig config) {
   CheckRanges(*std::make_unique<const Sequence<float>>(ToRuntime(motion.file())), drives);
   CheckSchedule(drives, [](const std::string& /*sentence*/) {});
-  SharedRobot shared{std::move(drives), std::move(config), motion.scene()};
+  Scene scene = config.scene ? *config.scene : motion.scene();
+  SharedRobot shared{std::move(drives), std::move(config), std::move(scene)};
   if (shared.config.twin.contact)
     shared.scene.contact = *std::exchange(shared.config.twin.contact, std::nullopt);
   shared.config.motors.resize(shared.drives.drives.size());
@@ -87,7 +90,8 @@ VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation&
   procedure_ = std::make_unique<RunProcedure>(
       ProcedureConfigOf(play.settings, drives(), assembly_->parts().sequence->graph));
   loop_ = std::make_unique<ControlLoop>(
-      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_},
+      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_, nullptr,
+                         play.recorder},
       static_cast<std::int64_t>(std::llround(1e9 / drives().rate_hz)), 0);
 }
 

@@ -36,6 +36,8 @@ SimulatedMotorConfig AtShaft(const JointMotor& motor, const Motor& of_task, doub
                                : 6.2831853071795864769 / motor.encoder_counts_per_turn;
   shaft.turnaround_ns = std::llround(motor.answer_delay_s * 1e9);
   shaft.torque_time_constant_s = motor.torque_time_constant_s;
+  shaft.torque_factor = motor.torque_factor;
+  shaft.velocity_filter_s = motor.velocity_filter_s;
   shaft.ambient_c = motor.ambient_c;
   shaft.heating_k_per_nm2 = motor.heating_k_per_nm2 / (torque_ratio * torque_ratio);
   shaft.thermal_time_constant_s = motor.thermal_time_constant_s;

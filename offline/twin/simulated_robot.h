@@ -31,6 +31,10 @@ struct JointMotor {
   double answer_delay_s = 20e-6;
   /// Time constant of the current loop.
   double torque_time_constant_s = 0;
+  /// What the motor exerts for each newton metre that its drive reckons with.
+  double torque_factor = 1;
+  /// Time constant of the filter through which the drive sees its velocity.
+  double velocity_filter_s = 0;
   double ambient_c = 25;
   /// Excess temperature per torque squared, when it is steady. The default stands for copper losses
   /// of 0.35 W/(N m)^2 through 2 K/W: a geared motor of 0.5 kg that gives 9 N m for long.

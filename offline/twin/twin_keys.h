@@ -27,6 +27,11 @@ inline constexpr std::array kTwinFileKeys = {
         .Allowed("a file"),
     KeyOf<&TwinSources::drives>("drives", "drives, likewise; `tumbler run sim` takes them too")
         .Allowed("a file"),
+    KeyOf<&TwinSources::robot>("robot",
+                               "URDF in the place of the motion's, with the same links and joints: "
+                               "a robot that is not the one that the motion was found for")
+        .Default("the motion's")
+        .Allowed("a file"),
 };
 
 inline constexpr std::array<std::string_view, 2> kTwinSteps = {"error-bound", "fixed"};
@@ -83,6 +88,12 @@ inline constexpr std::array kMotorKeys = {
                                                    "from the end of a frame to its answer"),
     KeyOf<&MotorEntry::torque_time_constant_s, MotorEntry>("torque_time_constant_s", {0, 0.1},
                                                            "of the current loop, first order"),
+    KeyOf<&MotorEntry::torque_factor, MotorEntry>(
+        "torque_factor", {0.1, 10},
+        "of what the motor exerts for each N m that its drive reckons with"),
+    KeyOf<&MotorEntry::velocity_filter_s, MotorEntry>(
+        "velocity_filter_s", {0, 0.1},
+        "of the filter through which the drive sees its velocity, first order; 0: none"),
     KeyOf<&MotorEntry::rotor_inertia_kg_m2, MotorEntry>("rotor_inertia_kg_m2", {0, 10},
                                                         "seen through the gear")
         .Default("the task's"),

@@ -14,6 +14,7 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/problem/task_toml.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/twin/twin_keys.h"
 
@@ -22,8 +23,12 @@ namespace {
 
 class TwinReader {
  public:
-  TwinReader(TomlTable root, const SimulatedMotion& motion)
-      : root_(std::move(root)), motion_(motion.file()), scene_(motion.scene()) {
+  /// @param folder  with which the paths in the file begin.
+  TwinReader(TomlTable root, const SimulatedMotion& motion, std::filesystem::path folder)
+      : root_(std::move(root)),
+        motion_(motion.file()),
+        scene_(motion.scene()),
+        folder_(std::move(folder)) {
     const Primitive<double>& first = motion_.PrimitiveOf(motion_.graph.start).primitive;
     for (const JointMotion<double>& joint : first.motions())
       joints_.emplace_back(joint.name.view());
@@ -37,6 +42,7 @@ class TwinReader {
     ReadHeader(root_, kTwinHeader);
     TwinSources files;
     ReadKeys(root_, kTwinFileKeys, files);
+    if (!files.robot.empty()) TakeRobot((folder_ / files.robot).string());
     TwinConfig& twin = config_.twin;
     ReadKeys(root_, kTwinStepKeys, twin);
     ReadMotors();
@@ -62,6 +68,19 @@ class TwinReader {
   }
 
  private:
+  /// Another robot of the same links and joints in the place of the motion's, on its ground.
+  void TakeRobot(const std::string& path) {
+    const Provenance& from = motion_.PrimitiveOf(motion_.graph.start).provenance;
+    Scene scene = ParseTask(from.task_toml, from.task_file, ReadTextFile(path), path).problem.scene;
+    if (scene.robot.body_names != scene_.robot.body_names) {
+      root_.Fail("robot", fmt::format("is a robot of the links {}; allowed: one of those of the "
+                                      "motion's, {}",
+                                      Join(scene.robot.body_names), Join(scene_.robot.body_names)));
+    }
+    scene_ = scene;
+    config_.scene = std::move(scene);
+  }
+
   void ReadMotors() {
     std::vector<JointMotor>& motors = config_.motors;
     std::vector<JointLosses>& losses = config_.twin.joints;
@@ -198,6 +217,7 @@ class TwinReader {
   TomlTable root_;
   const SequenceFile& motion_;
   Scene scene_;  // as the file changes it
+  std::filesystem::path folder_;
   std::vector<std::string> joints_, links_, obstacles_;
   PrimitivePose pose_;
   bool placed_ = false;
@@ -233,16 +253,18 @@ TwinSources ReadTwinSources(const std::string& path) {
   const auto beside = [&folder](const std::string& name) {
     return name.empty() ? name : (folder / name).string();
   };
-  return {beside(files.motion), beside(files.drives)};
+  return {beside(files.motion), beside(files.drives), beside(files.robot)};
 }
 
 SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion) {
-  return TwinReader(TomlTable::ParseFile(path), motion).Read();
+  return TwinReader(TomlTable::ParseFile(path), motion, std::filesystem::path(path).parent_path())
+      .Read();
 }
 
 SimulatedRobotConfig ParseTwin(std::string_view text, const std::string& name,
                                const SimulatedMotion& motion) {
-  return TwinReader(TomlTable::Parse(text, name), motion).Read();
+  return TwinReader(TomlTable::Parse(text, name), motion, std::filesystem::path(name).parent_path())
+      .Read();
 }
 
 }  // namespace tumbler

@@ -13,6 +13,7 @@ namespace tumbler {
 struct TwinSources {
   std::string motion;
   std::string drives;
+  std::string robot;  ///< A URDF.
 };
 
 /// Reads only these names from a twin file, since its other keys depend on the motion's robot.

@@ -19,6 +19,9 @@ PAGES = [
     "docs/robustness.md",
 ]
 
+if len(sys.argv) > 1 and sys.argv[1].startswith("docs/"):
+    PAGES = [sys.argv.pop(1)]  # one that takes longer, by itself
+
 # What no test can run as it stands, or another test does.
 ELSEWHERE = {
     r"\bv?can0\b": "needs an interface: tests/runtime/*_on_can_test.cc",
@@ -34,6 +37,8 @@ ELSEWHERE = {
 STATUSES = {
     "--bus-faults": 3,  # the bus is off in the end, as the file says
     "weak.toml --record": 3,
+    "first.rec": 4,  # the robot that nobody knows falls
+    "gate primitives/handstand.toml": 4,
 }
 
 
@@ -83,7 +88,7 @@ class Pages(unittest.TestCase):
                         done.returncode, status, f"{page}: {command}\n{done.stdout}{done.stderr}"
                     )
                     ran.add(command)
-            self.assertGreater(len(ran), 12)
+            self.assertGreater(len(ran), 9 if len(PAGES) == 1 else 12)
 
     def test_the_list_of_pages_reads_only_what_its_own_commands_have_made(self):
         # Commands that begin a page must not need another page's.

@@ -1,0 +1,309 @@
+// tumbler identify: from a robot's records to its model, and to a motion that may be tried on it.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <list>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "common/files/command_line.h"
+#include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "offline/problem/posterior_toml.h"
+#include "offline/studies/excitation.h"
+#include "offline/studies/gate.h"
+#include "offline/studies/identified_model.h"
+#include "offline/studies/identify_page.h"
+#include "offline/studies/recorded_motion.h"
+#include "offline/studies/robot_fit.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kIdentifyExitCodes =
+    R"(Exit codes:
+  0    done; gate: every robot stands
+  1    wrong usage, or a file that cannot be used or written: nothing was written
+  2    excite: no motion is safe
+  4    fit: the records are not explained, the model is an effective one; gate: a robot does not stand
+  130  interrupted)";
+
+namespace fs = std::filesystem;
+
+struct IdentifyArguments {
+  std::string task, out;                       // excite
+  std::vector<std::string> records, held_out;  // fit
+  std::string prior;
+  double weight_kg = 0;
+  std::string motion, posterior, drives;  // gate
+  int draws = GateSettings{}.draws;
+  ExcitationSettings excitation;
+  std::optional<std::uint64_t> seed;
+  int encoder_counts = ReadingSettings{}.encoder_counts_per_turn;
+  bool quiet = false;
+};
+
+ExitStatus Excite(const IdentifyArguments& arguments) {
+  ExcitationSettings settings = arguments.excitation;
+  settings.interrupt = &EndOnSignals();
+  if (arguments.seed) settings.seed = *arguments.seed;
+  if (!arguments.quiet)
+    settings.say = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
+  CheckWritable(arguments.out);
+  CheckDistinct({arguments.task}, {arguments.out});
+  const Excitation found = MakeExcitation(arguments.task, settings);
+  if (*settings.interrupt) {
+    fmt::print(stderr, "interrupted: no file was written\n");
+    return ExitStatus::kInterrupted;
+  }
+  if (!found.file) {
+    fmt::print(stderr, "no motion was found: {}\nno file was written\n", found.cause);
+    return ExitStatus::kRefused;
+  }
+  const std::string text = ToToml(*found.file);
+  ParsePrimitive(text, "the new primitive");  // The text must read back.
+  PendingFile(arguments.out, text).Commit();
+  fmt::print(
+      "{}: {} of {} motions that were drawn are safe for the model; of these the most telling, "
+      "{:.4g} nats\n",
+      found.file->primitive.name.view(), found.safe, found.tried, found.information);
+  for (std::size_t j = 0; j < found.joint_rad.size(); ++j) {
+    fmt::print("  {} swings by {:.3g} rad\n", found.file->primitive.joints[j].name.view(),
+               found.joint_rad[j]);
+  }
+  fmt::print(
+      "  {} robots that differ twice as much as may be expected played it: all rest where they "
+      "began, turned by at most {:.3g} rad, needed at most {:.3g} N m\n",
+      found.robots, found.pitch_rad, found.torque_nm);
+  fmt::print("  primitive {}\n", arguments.out);
+  return ExitStatus::kDone;
+}
+
+void CheckOneRobot(const std::vector<RecordedMotion>& records) {
+  const RecordedMotion& first = records.front();
+  for (const RecordedMotion& record : records) {
+    if (record.robot_text != first.robot_text) {
+      throw std::invalid_argument(fmt::format(
+          "{}: is of another robot than {}: their motions were made for {} and {}, which differ; "
+          "give records of motions of one URDF",
+          record.name, first.name, record.robot_file, first.robot_file));
+    }
+    if (!(record.scene.contact == first.scene.contact)) {
+      throw std::invalid_argument(
+          fmt::format("{}: its motion was made for another ground than that of {}; give records of "
+                      "motions whose tasks have one [contact]",
+                      record.name, first.name));
+    }
+  }
+}
+
+void PrintReadings(const RecordedMotion& record) {
+  const double used_s = static_cast<double>(record.ticks.size()) * record.tick_s;
+  fmt::print(
+      "{}: {}, {:.3g} s used, of which the robot stood {:.3g} s before; setpoints are late by "
+      "{:.3g} ms besides the frames' time\n",
+      record.name, record.motion_name, used_s, static_cast<double>(record.begins) * record.tick_s,
+      1e3 * record.late_s);
+  for (const std::string& remark : record.remarks) fmt::print("  {}\n", remark);
+}
+
+void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
+  fmt::print("{:34} {:>12} {:>12} {:>10}  share of the prior left\n", "quantity", "value",
+             "95 % +-", "unit");
+  for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
+    const RobotQuantity& quantity = fit.posterior.quantities[i];
+    const QuantityFacts& facts = FactsOf(quantity.kind);
+    const double half = 1.96 * fit.posterior.DeviationOf(i);
+    fmt::print(
+        "{:34} {:12.5g} {:>12} {:>10}  {:5.1f} %{}\n", NameOf(quantity), fit.posterior.ValueOf(i),
+        facts.logarithmic ? fmt::format("{:.2g} %", 100 * half) : fmt::format("{:.2g}", half),
+        facts.unit, 100 * fit.ShareLeft(i),
+        fit.Identifiable(i) ? "" : "  not identifiable from these records");
+  }
+  fmt::print("chi {:.3g} (limit {:.3g})\n", fit.chi, settings.chi_max);
+  if (!fit.weighed) {
+    fmt::print(
+        "not weighed: masses and forces are as the drives' newton metres are; a torque "
+        "constant that is off scales all of them (--weight-kg)\n");
+  }
+  if (fit.effective) {
+    fmt::print(
+        "an EFFECTIVE model: it does not explain the records, and its quantities are not the "
+        "robot's\n");
+  }
+}
+
+ExitStatus Fit(const IdentifyArguments& arguments) {
+  std::atomic<bool>& end = EndOnSignals();
+  ReadingSettings reading;
+  reading.encoder_counts_per_turn = arguments.encoder_counts;
+  const auto read = [&](const std::vector<std::string>& paths) {
+    std::vector<RecordedMotion> records;
+    for (const std::string& path : paths) records.push_back(ReadRecordedMotion(path, reading));
+    return records;
+  };
+  const std::vector<RecordedMotion> records = read(arguments.records);
+  const std::vector<RecordedMotion> held_out = read(arguments.held_out);
+  std::vector<RecordedMotion> all = records;
+  all.insert(all.end(), held_out.begin(), held_out.end());
+  CheckOneRobot(all);
+  FitSettings settings;
+  settings.weight_kg = arguments.weight_kg;
+  settings.interrupt = &end;
+  if (!arguments.quiet)
+    settings.say = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
+  const bool weighed = arguments.weight_kg > 0;
+  RobotPosterior prior = PriorOfRecords(records, weighed);
+  std::vector<double> first_deviations;
+  for (std::size_t i = 0; i < prior.size(); ++i) first_deviations.push_back(prior.DeviationOf(i));
+  std::vector<std::string> names;
+  if (!arguments.prior.empty()) {
+    const PosteriorFile before = LoadPosterior(arguments.prior);
+    if (before.effective) {
+      throw FileError(
+          arguments.prior, 0, "effective",
+          "is true: what does not explain its records says nothing of the robot; give a "
+          "posterior of a fit that does, or none");
+    }
+    if (before.posterior.quantities != prior.quantities) {
+      throw FileError(arguments.prior, 0, "quantity",
+                      weighed != before.weighed
+                          ? "are those of a fit with --weight-kg where this one is without, or the "
+                            "other way round; give both alike"
+                          : "are those of another robot than the records'");
+    }
+    prior = before.posterior;
+    first_deviations = before.prior_deviations;
+    names = before.records;
+  }
+  if (!arguments.out.empty()) CheckFolderWritable(arguments.out);
+  for (const RecordedMotion& record : all) PrintReadings(record);
+  FitOutcome fit = FitRobot(records, prior, settings);
+  if (fit.interrupted) {
+    fmt::print(stderr, "interrupted: no file was written\n");
+    return ExitStatus::kInterrupted;
+  }
+  fit.first_deviations = first_deviations;
+  PrintFit(fit, settings);
+  std::vector<FitResiduals> predicted;
+  if (!held_out.empty()) {
+    predicted = ResidualsOf(held_out, fit.posterior, settings.per_tick);
+    for (const FitResiduals& record : predicted)
+      fmt::print("{} was held out: chi {:.3g}\n", record.record, record.chi);
+  }
+  if (!arguments.out.empty()) {
+    PosteriorFile file;
+    file.posterior = fit.posterior;
+    file.prior_deviations = first_deviations;
+    file.effective = fit.effective;
+    file.chi = fit.chi;
+    file.chi_max = settings.chi_max;
+    file.weighed = weighed;
+    for (const RecordedMotion& record : records)
+      names.push_back(fs::path(record.name).filename().string());
+    file.records = names;
+    const RecordedMotion& first = records.front();
+    const std::string urdf =
+        (fit.effective ? std::string("<!-- AN EFFECTIVE MODEL: not the robot's quantities. -->\n")
+                       : std::string()) +
+        IdentifiedUrdf(first.robot_text, first.robot_file, first.scene, fit.posterior);
+    const auto beside = [&](const char* name) { return (fs::path(arguments.out) / name).string(); };
+    fs::create_directories(arguments.out);
+    std::list<PendingFile> files;
+    files.emplace_back(beside("posterior.toml"), ToToml(file));
+    files.emplace_back(beside("robot.urdf"), urdf);
+    files.emplace_back(beside("ground.toml"), GroundOf(file, first.scene.contact));
+    files.emplace_back(beside("twin.toml"), TwinOf(file));
+    files.emplace_back(beside("index.html"), IdentifyPage(fit, settings, predicted));
+    for (PendingFile& pending : files) pending.Commit();
+    fmt::print("  {}: posterior.toml, robot.urdf, ground.toml, twin.toml, index.html\n",
+               arguments.out);
+  }
+  return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;
+}
+
+ExitStatus Gate(const IdentifyArguments& arguments) {
+  const PosteriorFile file = LoadPosterior(arguments.posterior);
+  GateSettings settings;
+  settings.draws = arguments.draws;
+  if (arguments.seed) settings.seed = *arguments.seed;
+  const GateOutcome outcome =
+      PassGate(arguments.motion, arguments.drives, file.posterior, settings);
+  if (file.effective)
+    fmt::print("the posterior is of an effective model, which did not explain its records\n");
+  for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
+    const TrialOutcome& robot = outcome.robots[i];
+    fmt::print("{}: {}{}\n",
+               i == 0 ? std::string("the robot that was identified")
+                      : fmt::format("a robot at {:.3g} standard deviations", settings.deviations),
+               ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
+  }
+  fmt::print("{}\n", outcome.open() ? "the gate is open: try the motion on the robot"
+                                    : "the gate is closed: do not try the motion on the robot");
+  return outcome.open() ? ExitStatus::kDone : ExitStatus::kAmiss;
+}
+
+ExitStatus Main(int argc, char** argv) {
+  IdentifyArguments arguments;
+  CommandLine line("Finds a robot's model from its records, and says whether a motion suits it.",
+                   "tumbler identify");
+  line.SetFooter(kIdentifyExitCodes);
+  line.RequireSubcommand();
+  CommandLine excite =
+      line.Subcommand("excite", "Makes a motion from whose record a robot can be told");
+  excite
+      .Option("TASK", arguments.task,
+              "Task file (TOML) of any motion that begins at rest where this one is to begin and "
+              "end, such as standing or lying")
+      .Required();
+  excite.Option("--out", arguments.out, "Write the primitive here").Required();
+  excite.Option("--duration-s", arguments.excitation.duration_s, "Of what moves, after a hold")
+      .Within(0.3, 5.0)
+      .ShowDefault();
+  excite.Option("--candidates", arguments.excitation.candidates, "Motions that are drawn")
+      .Within(1, 10000)
+      .ShowDefault();
+  excite.Seed(arguments.seed, "Seed of the motions and of the robots that play them");
+  excite.Flag("--quiet", arguments.quiet, "No progress");
+  CommandLine fit = line.Subcommand("fit", "Finds the robot that explains flight records");
+  fit.Option("RECORD", arguments.records, "Flight records of one robot").Required();
+  fit.Option("--out", arguments.out,
+             "Write posterior, URDF, ground, twin and a page into this folder");
+  fit.Option("--weight-kg", arguments.weight_kg,
+             "The robot's mass, as weighed: tells what the drives' torque is worth")
+      .Within(1e-3, 1e4);
+  fit.Option("--prior", arguments.prior,
+             "Posterior of earlier records of this robot; the new ones are taken into account");
+  fit.Option("--held-out", arguments.held_out,
+             "Records that are not fitted, but predicted, for the page")
+      .TakesOneValueEachTime();
+  fit.Option("--encoder-counts", arguments.encoder_counts,
+             "Of the drives' encoders for a turn of their shaft; 0: exact")
+      .Within(0, 1 << 26)
+      .ShowDefault();
+  fit.Flag("--quiet", arguments.quiet, "No progress");
+  CommandLine gate = line.Subcommand(
+      "gate", "Plays a motion in the twin of the robot that was identified, and of draws");
+  gate.Option("MOTION", arguments.motion, "Primitive or sequence").Required();
+  gate.Option("POSTERIOR", arguments.posterior, "posterior.toml of tumbler identify fit")
+      .Required();
+  gate.Option("--drives", arguments.drives, "Drives file of the records");
+  gate.Option("--draws", arguments.draws, "Robots at two standard deviations, beside the mean")
+      .Within(0, 1000)
+      .ShowDefault();
+  gate.Seed(arguments.seed, "Seed of the draws");
+  line.Parse(argc, argv);
+  const std::string subcommand = line.given_subcommand();
+  if (subcommand == "excite") return Excite(arguments);
+  return subcommand == "fit" ? Fit(arguments) : Gate(arguments);
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+
+#include "offline/problem/posterior_toml.h"
+#include "offline/problem/task_toml.h"
+
+namespace tumbler {
+
+/// The URDF of a robot with the links that were identified.
+/// @param scene  of the robot of this text, with the links of the posterior.
+/// @throws FileError  when a link's inertia is not where it could be changed.
+std::string IdentifiedUrdf(const std::string& robot_text, const std::string& robot_name,
+                           const Scene& scene, const RobotPosterior& posterior);
+
+/// A task of the robot that was identified: with its URDF, and its ground in `[contact]`. All else
+/// of the text stays.
+/// @throws FileError  when `[contact]` does not give a property of the ground as a number.
+Task IdentifiedTask(const Task& given, const PosteriorFile& file);
+
+/// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
+/// a posterior differ little.
+struct TuningSettings {
+  int robots = 32, generations = 80;
+  int rounds = 2;  ///< Of which the first has half the robots.
+};
+
+/// Lets the search for a task's motion be judged by the robots of a posterior. At most these many
+/// robots and generations are taken of what `[robust]` asks for.
+/// @pre the task has `[robust]`.
+void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task);
+
+/// The robot that was identified as a twin file, with its URDF beside it, robot.urdf.
+std::string TwinOf(const PosteriorFile& file);
+
+/// The ground that was identified, as a task's `[contact]`.
+std::string GroundOf(const PosteriorFile& file, const ContactLaw& law);
+
+}  // namespace tumbler

@@ -1,0 +1,173 @@
+#include "offline/studies/identify_page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/core/functions.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kPageHead = R"(<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Identified robot</title><style>
+:root { color-scheme: light; --paper: #fff; --ink: #1c2330; --dim: #5d6778; --line: #c8cfda; --bar: #2a7fb8; --warn: #b2182b; --empty: #f1f3f6; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { color-scheme: dark; --paper: #13161a; --ink: #e8e9ea; --dim: #9ba3ac; --line: #2d333a; --bar: #5aa9ee; --warn: #ff7b6e; --empty: #1f242a; }
+}
+body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2rem auto;
+  max-width: 62rem; padding: 0 1rem; overflow-wrap: break-word; }
+h1 { font-size: 1.5rem; margin: 0 0 .2rem; } h2 { font-size: 1.1rem; margin: 1.8rem 0 .4rem; }
+p { margin: .3rem 0; } table { border-collapse: collapse; } .scroll { overflow-x: auto; }
+td, th { padding: .15rem .8rem .15rem 0; text-align: left; vertical-align: top; }
+td.n { text-align: right; white-space: nowrap; } .dim { color: var(--dim); } .warn { color: var(--warn); }
+svg { display: block; width: 100%; height: 110px; background: var(--empty); break-inside: avoid; }
+svg path { fill: none; stroke: var(--bar); stroke-width: 1; vector-effect: non-scaling-stroke; }
+svg line { stroke: var(--line); vector-effect: non-scaling-stroke; }
+@media print { body { margin: 0; max-width: none; padding: 0; font-size: 12px; } }
+</style></head><body>
+)";
+
+std::string ForHtml(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+/// The residuals of a joint over time, within 5 units of the noise.
+std::string Curve(const FitResiduals& record, std::size_t joint) {
+  constexpr double kMost = 5;
+  const std::vector<double>& values = record.of_joint[joint];
+  std::string path;
+  bool pen = false;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    if (!std::isfinite(values[k])) {
+      pen = false;
+      continue;
+    }
+    path += fmt::format("{}{} {:.1f}", pen ? "L" : "M", k,
+                        50 - 10 * std::clamp(values[k], -kMost, kMost));
+    pen = true;
+  }
+  return fmt::format(
+      "<svg viewBox=\"0 0 {} 100\" preserveAspectRatio=\"none\" role=\"img\" "
+      "aria-label=\"residuals\">"
+      "<line x1=\"0\" y1=\"50\" x2=\"{}\" y2=\"50\"/><line x1=\"0\" y1=\"40\" x2=\"{}\" y2=\"40\"/>"
+      "<line x1=\"0\" y1=\"60\" x2=\"{}\" y2=\"60\"/><path d=\"{}\"/></svg>\n",
+      values.size(), values.size(), values.size(), values.size(), path);
+}
+
+void AddResiduals(std::string& page, std::span<const FitResiduals> records) {
+  for (const FitResiduals& record : records) {
+    page += fmt::format("<p>{}: chi {:.3g}</p>\n", ForHtml(record.record), record.chi);
+    for (std::size_t j = 0; j < record.of_joint.size(); ++j) {
+      page += fmt::format(
+          "<p class=\"dim\">joint {}: chi {:.3g}; from {:.3g} to {:.3g} s after the motion began; "
+          "lines at one unit, {:.2g} mrad</p>\n",
+          j + 1, record.chi_of_joint[j], record.first_s,
+          record.first_s + record.tick_s * static_cast<double>(record.of_joint[j].size()),
+          1e3 * record.noise_rad[j]);
+      page += Curve(record, j);
+    }
+  }
+}
+
+/// The pairs that go together most.
+void AddCorrelations(std::string& page, const RobotPosterior& robot) {
+  struct Pair {
+    std::size_t i, k;
+    double correlation;
+  };
+  std::vector<Pair> pairs;
+  const std::size_t n = robot.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      const double scale = robot.DeviationOf(i) * robot.DeviationOf(k);
+      if (scale > 0) pairs.push_back({k, i, robot.covariance[i * n + k] / scale});
+    }
+  }
+  std::ranges::stable_sort(pairs, [](const Pair& a, const Pair& b) {
+    return std::abs(a.correlation) > std::abs(b.correlation);
+  });
+  page += "<table>\n";
+  constexpr std::size_t kShown = 12;
+  for (std::size_t p = 0; p < std::min(kShown, pairs.size()); ++p) {
+    page += fmt::format("<tr><td>{}</td><td>{}</td><td class=\"n\">{:+.2f}</td></tr>\n",
+                        ForHtml(NameOf(robot.quantities[pairs[p].i])),
+                        ForHtml(NameOf(robot.quantities[pairs[p].k])), pairs[p].correlation);
+  }
+  page += "</table>\n";
+}
+
+}  // namespace
+
+std::string IdentifyPage(const FitOutcome& fit, const FitSettings& settings,
+                         std::span<const FitResiduals> held_out) {
+  std::string page = kPageHead;
+  page += "<h1>Identified robot</h1>\n";
+  page += fmt::format("<p>chi {:.3g}, limit {:.3g}</p>\n", fit.chi, settings.chi_max);
+  if (fit.effective) {
+    page +=
+        "<p class=\"warn\"><b>An effective model.</b> It moves as the robot did in these records, "
+        "but "
+        "does not explain them: physics or wire are not as modelled, and these are not the robot's "
+        "quantities.</p>\n";
+  }
+  if (!fit.weighed) {
+    page +=
+        "<p>The robot was not weighed. Masses, friction, stiffness and damping scale with what a "
+        "newton metre of its drives is worth, which no record of encoders tells.</p>\n";
+  }
+  page +=
+      "<h2>Quantities</h2>\n<div class=\"scroll\"><table><tr><th>quantity</th><th>value</th>"
+      "<th>95 %</th><th>unit</th><th>share of the prior left</th><th></th></tr>\n";
+  for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
+    const RobotQuantity& quantity = fit.posterior.quantities[i];
+    const QuantityFacts& facts = FactsOf(quantity.kind);
+    const double half = 1.96 * fit.posterior.DeviationOf(i), mean = fit.posterior.mean[i];
+    page += fmt::format(
+        "<tr><td>{}</td><td class=\"n\">{:.5g}</td><td class=\"n\">{:.5g} ... "
+        "{:.5g}</td><td>{}</td>"
+        "<td class=\"n\">{:.1f} %</td><td class=\"dim\">{}</td></tr>\n",
+        ForHtml(NameOf(quantity)), fit.posterior.ValueOf(i),
+        ValueOfCoordinate(quantity.kind, mean - half),
+        ValueOfCoordinate(quantity.kind, mean + half), facts.unit, 100 * fit.ShareLeft(i),
+        fit.Identifiable(i) ? "" : "not identifiable from these records");
+  }
+  page +=
+      "</table></div>\n<p class=\"dim\">Not estimated: lengths, the height of each centre of mass "
+      "above its link's axis, the lag of torque, limits of torque and speed.</p>\n";
+  page +=
+      "<h2>What goes together</h2>\n<p class=\"dim\">The largest correlations: what a record tells "
+      "only of both.</p>\n";
+  AddCorrelations(page, fit.posterior);
+  page += "<h2>Residuals</h2>\n";
+  AddResiduals(page, fit.records);
+  if (!held_out.empty()) {
+    page += "<h2>Prediction of what was held out</h2>\n";
+    AddResiduals(page, held_out);
+  }
+  page += "</body></html>\n";
+  return page;
+}
+
+}  // namespace tumbler

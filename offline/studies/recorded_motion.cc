@@ -1,0 +1,319 @@
+#include "offline/studies/recorded_motion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <tuple>
+#include <utility>
+#include <variant>
+
+#include "common/files/sequence_toml.h"
+#include "firmware_interface/can/frame_length.h"
+#include "firmware_interface/devices/mit.h"
+#include "offline/problem/simulated_motion.h"
+#include "offline/twin/simulated_robot.h"
+#include "runtime/assembly/run_parts.h"
+#include "runtime/record/flight_record.h"
+#include "runtime/record/recorded_assembly.h"
+
+namespace tumbler {
+namespace {
+
+constexpr double kUnanswered = std::numeric_limits<double>::quiet_NaN();
+
+double Seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Step of a reply's position at the shaft [rad] and whether the wire rounds it downwards; 0:
+/// floats.
+double WireStep(const DriveConfig& config) {
+  if (const auto* mit = std::get_if<MitConfig>(&config)) {
+    const DriveRange& range = mit->reply.position_rad;
+    return (static_cast<double>(range.max) - static_cast<double>(range.min)) / 65535;
+  }
+  if (const auto* cia402 = std::get_if<Cia402Config>(&config))
+    return 2 * std::numbers::pi / static_cast<double>(cia402->position_units_per_turn);
+  return 0;
+}
+
+/// Gains as they arrive.
+std::pair<double, double> GainsOnWire(const DriveEntry& entry) {
+  float kp = entry.kp_nm_per_rad, kd = entry.kd_nm_s_per_rad;
+  if (const auto* mit = std::get_if<MitConfig>(&entry.config)) {
+    const auto sent = [&](float gain, const DriveRange& range) {
+      const std::uint16_t code = MitQuantise(mit->joint.ToDriveGain(gain), range, 12);
+      return mit->joint.ToJointGain(MitDequantise(code, range, 12));
+    };
+    kp = sent(kp, mit->command.kp_nm_per_rad);
+    kd = sent(kd, mit->command.kd_nm_s_per_rad);
+  }
+  return {static_cast<double>(kp), static_cast<double>(kd)};
+}
+
+RecordedDrive DriveOf(const DriveEntry& entry, double torque_max_nm,
+                      const ReadingSettings& settings) {
+  RecordedDrive drive;
+  std::tie(drive.kp, drive.kd) = GainsOnWire(entry);
+  drive.torque_max_nm = torque_max_nm;
+  const JointMap& joint = JointOf(entry.config);
+  const double per_shaft = 1 / (static_cast<double>(joint.direction * joint.gear_ratio));
+  const double encoder = settings.encoder_counts_per_turn == 0
+                             ? 0.0
+                             : per_shaft * 2 * std::numbers::pi / settings.encoder_counts_per_turn;
+  const double wire = per_shaft * WireStep(entry.config);
+  drive.encoder_bias_rad = -0.5 * encoder;
+  drive.wire_bias_rad = -0.5 * wire;
+  drive.noise_rad = std::sqrt((encoder * encoder + wire * wire) / 12);
+  return drive;
+}
+
+/// What is kept of a tick until the next one brings the replies.
+struct KeptTick {
+  ExecutorState state = ExecutorState::kDisarmed;
+  std::int64_t tick = 0;
+  std::int64_t deadline_ns = 0, send_ns = 0;
+  std::int64_t host_bits = 0, reply_bits = 0;
+  std::int64_t last_reply_ns = 0;
+  bool fault = false;
+  std::vector<RecordedJoint> joints;
+  std::vector<double> arrival_bits;
+};
+
+class Reader {
+ public:
+  Reader(const std::string& path, const ReadingSettings& settings)
+      : settings_(settings), file_(path), record_(file_.bytes(), path) {}
+
+  RecordedMotion Read() {
+    const RecordConfiguration& configuration = record_.configuration();
+    if (configuration.dry_run)
+      Fail("is of a dry run, in which nothing was sent; play the motion on the robot");
+    const FileReader read = RecordedFiles(configuration);
+    RunParts parts = LoadRunMotion(configuration.motion_file, read);
+    parts.drives =
+        LoadDrivesOf(configuration.joints, configuration.drives_file, read, GainsOf(parts.file));
+    const PrimitiveFile& first = parts.file.PrimitiveOf(parts.file.graph.start);
+    RecordedMotion result;
+    result.name = record_.name();
+    result.motion_name = std::string(parts.file.graph.name.view());
+    result.scene = SimulatedMotion(parts.file).scene();
+    result.start = StartOf(parts.file);
+    result.robot_text = first.provenance.robot_urdf;
+    result.robot_file = first.provenance.robot_file;
+    result.task_text = first.provenance.task_toml;
+    result.task_file = first.provenance.task_file;
+    result.drives = parts.drives;
+    result.tick_s = Seconds(configuration.period_ns);
+    for (std::size_t j = 0; j < configuration.joints.size(); ++j) {
+      result.joints.push_back(
+          DriveOf(parts.drives.drives[j], LargestTorqueLimit(parts.file, j), settings_));
+    }
+    joints_ = result.joints.size();
+    TakeTicks();
+    Choose(result);
+    return result;
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw RecordError(fmt::format("{}: {}", record_.name(), what));
+  }
+
+  void TakeTicks() {
+    const auto entry = std::make_unique<TickEntry>();
+    while (record_.Next(*entry)) {
+      if (!kept_.empty()) TakeReplies(*entry, kept_.back());
+      kept_.push_back(Keep(*entry));
+    }
+  }
+
+  KeptTick Keep(const TickEntry& entry) const {
+    KeptTick kept;
+    kept.state = entry.record.state;
+    kept.tick = entry.tick;
+    kept.deadline_ns = entry.notes.deadline_ns;
+    kept.send_ns = entry.notes.send_ns;
+    kept.fault = entry.record.faults != 0;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      const JointSetpoint& encoded = entry.record.joints[j].encoded;
+      RecordedJoint joint;
+      joint.setpoint = {static_cast<double>(encoded.position_rad),
+                        static_cast<double>(encoded.velocity_rad_s),
+                        static_cast<double>(encoded.torque_nm)};
+      joint.reading_rad = kUnanswered;
+      for (const CanFrame& frame : entry.frames[j].frames()) kept.host_bits += FrameBits(frame);
+      kept.arrival_bits.push_back(static_cast<double>(kept.host_bits - kIntermissionBits));
+      kept.joints.push_back(joint);
+    }
+    return kept;
+  }
+
+  /// Replies to the setpoints of a tick, which the next one has taken.
+  void TakeReplies(const TickEntry& next, KeptTick& of) const {
+    if (next.tick != of.tick + 1) return;
+    for (std::size_t i = 0; i < next.received_count; ++i) {
+      const ReceivedFrame& received = next.received[i];
+      of.reply_bits += FrameBits(received.frame);
+      of.last_reply_ns = std::max(of.last_reply_ns, received.time_ns);
+    }
+    for (std::size_t j = 0; j < joints_; ++j) {
+      const JointRecord& joint = next.record.joints[j];
+      const bool fresh = joint.reply_age_ticks == 0 && joint.reply_status != ReplyStatus::kRepeated;
+      if (fresh) of.joints[j].reading_rad = static_cast<double>(joint.measured.position_rad);
+    }
+  }
+
+  /// Finds hold, motion and settling.
+  void Choose(RecordedMotion& result) {
+    if (kept_.empty()) Fail("holds no tick");
+    const auto is = [this](std::size_t k, ExecutorState state) { return kept_[k].state == state; };
+    std::size_t begins = 0;
+    while (begins < kept_.size() && !is(begins, ExecutorState::kRunning)) ++begins;
+    if (begins == kept_.size()) {
+      Fail(fmt::format("no motion was played in its {:.3g} s; play one of tumbler identify excite",
+                       static_cast<double>(kept_.size()) * result.tick_s));
+    }
+    // A motion may begin with a hold of its own.
+    std::size_t holds = begins;
+    while (holds > 0 && is(holds - 1, ExecutorState::kHolding) && Holds(holds - 1, begins)) --holds;
+    const std::size_t first = begins;
+    while (begins + 1 < kept_.size() && is(begins + 1, ExecutorState::kRunning) &&
+           Holds(begins + 1, first)) {
+      ++begins;
+    }
+    const auto count = [&](double time_s) {
+      return static_cast<std::size_t>(std::lround(time_s / result.tick_s));
+    };
+    if (begins - holds < count(settings_.hold_min_s)) {
+      result.remarks.push_back(fmt::format(
+          "the robot was held for {:.3g} s before its motion; it is taken to have rested, "
+          "which takes {:.3g} s to see",
+          static_cast<double>(begins - holds) * result.tick_s, settings_.hold_min_s));
+    }
+    holds = std::max(holds, begins - std::min(begins, count(settings_.hold_s)));
+    std::size_t end = begins, settles = 0;
+    const char* cut = nullptr;
+    while (end < kept_.size()) {
+      if (kept_[end].fault) {
+        cut = "a fault";
+      } else if (end > 0 && kept_[end].tick != kept_[end - 1].tick + 1) {
+        cut = "missed periods";
+      }
+      if (cut != nullptr) break;
+      if (is(end, ExecutorState::kSettling) || is(end, ExecutorState::kHolding)) {
+        if (++settles > count(settings_.settle_s)) break;
+      } else if (!is(end, ExecutorState::kRunning)) {
+        break;
+      }
+      ++end;
+    }
+    const double length_s = static_cast<double>(end - begins) * result.tick_s;
+    if (cut != nullptr) {
+      result.remarks.push_back(
+          fmt::format("used up to {}, {:.3g} s after the motion began", cut, length_s));
+    } else if (end == kept_.size() && settles == 0) {
+      result.remarks.push_back(fmt::format(
+          "is cut in the motion; used are the {:.3g} s of it that are there", length_s));
+    }
+    constexpr double kLeast_s = 0.2;
+    if (length_s < kLeast_s) {
+      Fail(fmt::format("only {:.3g} s of its motion can be used ({}); needed are {:.3g} s",
+                       length_s, cut != nullptr ? cut : "the record ends", kLeast_s));
+    }
+    result.begins = begins - holds;
+    std::vector<double> late;
+    const double bit_s = 1.0 / result.drives.bit_rate;
+    for (std::size_t k = holds; k < end; ++k) {
+      KeptTick& kept = kept_[k];
+      if (kept.last_reply_ns != 0) {
+        const double bus_s =
+            bit_s * static_cast<double>(kept.host_bits + kept.reply_bits - kIntermissionBits);
+        late.push_back(Seconds(kept.last_reply_ns - kept.send_ns) - bus_s);
+      }
+    }
+    result.late_s = std::max(0.0, Median(late));
+    for (const double value : late)
+      result.late_sd_s += (value - result.late_s) * (value - result.late_s);
+    if (!late.empty())
+      result.late_sd_s = std::sqrt(result.late_sd_s / static_cast<double>(late.size()));
+    std::vector<std::vector<double>> arrivals(joints_);
+    std::size_t answered = 0;
+    for (std::size_t k = holds; k < end; ++k) {
+      KeptTick& kept = kept_[k];
+      for (std::size_t j = 0; j < joints_; ++j) {
+        RecordedJoint& joint = kept.joints[j];
+        joint.arrival_s = std::min(
+            Seconds(kept.send_ns - kept.deadline_ns) + bit_s * kept.arrival_bits[j] + result.late_s,
+            result.tick_s);
+        arrivals[j].push_back(joint.arrival_s);
+        answered += std::isfinite(joint.reading_rad) ? 1 : 0;
+      }
+      result.ticks.push_back(std::move(kept.joints));
+    }
+    for (std::size_t j = 0; j < joints_; ++j) result.joints[j].arrival_s = Median(arrivals[j]);
+    const std::size_t asked = result.ticks.size() * joints_;
+    if (answered * 2 < asked) {
+      Fail(fmt::format("drives answered only {} of {} setpoints; an estimate needs half at least",
+                       answered, asked));
+    }
+    if (answered < asked) {
+      result.remarks.push_back(fmt::format("{} of {} setpoints have no answer and are left out",
+                                           asked - answered, asked));
+    }
+    RequireMotion(result);
+  }
+
+  /// Whether a tick has the setpoints of another.
+  [[nodiscard]] bool Holds(std::size_t tick, std::size_t other) const {
+    constexpr double kSame_rad = 1e-3;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      const double off =
+          kept_[tick].joints[j].setpoint.position - kept_[other].joints[j].setpoint.position;
+      if (std::abs(off) > kSame_rad) return false;
+    }
+    return true;
+  }
+
+  void RequireMotion(const RecordedMotion& result) const {
+    double most = 0;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      double low = std::numeric_limits<double>::infinity(), high = -low;
+      for (const auto& tick : result.ticks) {
+        if (!std::isfinite(tick[j].reading_rad)) continue;
+        low = std::min(low, tick[j].reading_rad);
+        high = std::max(high, tick[j].reading_rad);
+      }
+      most = std::max(most, high - low);
+    }
+    if (most < settings_.motion_min_rad) {
+      Fail(
+          fmt::format("no joint moved by more than {:.2g} rad, of which nothing can be learnt; "
+                      "play a motion of tumbler identify excite",
+                      most));
+    }
+  }
+
+  const ReadingSettings& settings_;
+  MappedFile file_;
+  FlightRecord record_;
+  std::size_t joints_ = 0;
+  std::vector<KeptTick> kept_;
+};
+
+}  // namespace
+
+RecordedMotion ReadRecordedMotion(const std::string& path, const ReadingSettings& settings) {
+  return Reader(path, settings).Read();
+}
+
+}  // namespace tumbler

@@ -1,0 +1,437 @@
+#include "offline/studies/robot_fit.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+
+#include "common/core/functions.h"
+#include "offline/scene/normal.h"
+#include "offline/studies/recorded_replay.h"
+
+namespace tumbler {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Kind = RobotQuantity::Kind;
+
+/// Of a difference, in standard deviations of the prior.
+constexpr double kDifference = 0.01;
+/// Of the sandwich: as long as a bump of residuals.
+constexpr double kBlock_s = 0.05;
+/// An iteration that gains less than this part of the objective is the last of its noise.
+constexpr double kGain = 1e-3;
+
+Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
+/// By how much more than the sandwich says estimates of hidden robots scatter about the truth
+/// (docs/identify.md): by steps of the integrator, by rounding that stands still with the robot,
+/// and by what is no linear function of the robot.
+double WideningOf(Kind kind) {
+  switch (kind) {
+    case Kind::kFriction:
+      return 2.0;
+    case Kind::kDamping:
+      return 1.35;
+    case Kind::kCreepSpeed:
+      return 1.6;
+    case Kind::kSlope:
+      return 1.3;
+    case Kind::kZero:
+      return 2.2;
+    case Kind::kDry:
+      return 1.8;
+    case Kind::kMassCentre:
+    case Kind::kStiffness:
+      return 1.1;
+    default:
+      return 1;
+  }
+}
+
+/// The objective of a fit: half the sum of squares of the residuals, and w^T P w / 2 of how far a
+/// robot is from the prior, in deviations w; P is the inverse of their correlations.
+class Objective {
+ public:
+  Objective(std::span<const RecordedMotion> records, const RobotPosterior& prior,
+            const FitSettings& settings)
+      : prior_(prior), settings_(settings), n_(prior.size()) {
+    MatrixXd correlations(ToIndex(n_), ToIndex(n_));
+    for (std::size_t i = 0; i < n_; ++i) deviations_.push_back(prior.DeviationOf(i));
+    for (std::size_t i = 0; i < n_; ++i) {
+      for (std::size_t k = 0; k < n_; ++k) {
+        correlations(ToIndex(i), ToIndex(k)) =
+            prior.covariance[i * n_ + k] / (deviations_[i] * deviations_[k]);
+      }
+      const Kind kind = prior.quantities[i].kind;
+      const bool positive = kind == Kind::kDry || kind == Kind::kVelocityLag;
+      least_.push_back(positive ? -prior.mean[i] / deviations_[i]
+                                : -std::numeric_limits<double>::infinity());
+    }
+    constexpr double kRounding = 1e-9;
+    correlations.diagonal().array() += kRounding;
+    precision_ = correlations.ldlt().solve(MatrixXd::Identity(ToIndex(n_), ToIndex(n_)));
+    for (const RecordedMotion& record : records) {
+      replays_.push_back(std::make_unique<RecordedReplay>(record, prior.quantities));
+      rows_ += replays_.back()->count();
+    }
+    if (settings.weight_kg > 0) {
+      ++rows_;
+      for (std::size_t i = 0; i < n_; ++i)
+        if (prior.quantities[i].kind == Kind::kMass) masses_.push_back(i);
+    }
+  }
+
+  [[nodiscard]] std::size_t size() const { return n_; }
+  [[nodiscard]] int evaluations() const { return evaluations_; }
+  [[nodiscard]] const MatrixXd& precision() const { return precision_; }
+  [[nodiscard]] const std::vector<double>& deviations() const { return deviations_; }
+  [[nodiscard]] const std::vector<std::unique_ptr<RecordedReplay>>& replays() const {
+    return replays_;
+  }
+
+  [[nodiscard]] std::vector<double> CoordinatesOf(const VectorXd& w) const {
+    std::vector<double> z = prior_.mean;
+    for (std::size_t i = 0; i < n_; ++i) z[i] += deviations_[i] * w[ToIndex(i)];
+    return z;
+  }
+  /// Deviations with friction and filters that are nowhere negative.
+  [[nodiscard]] VectorXd Allowed(VectorXd w) const {
+    for (std::size_t i = 0; i < n_; ++i) w[ToIndex(i)] = std::max(w[ToIndex(i)], least_[i]);
+    return w;
+  }
+  [[nodiscard]] double ValueOf(const VectorXd& residuals, const VectorXd& w, double noise) const {
+    return 0.5 * (residuals.squaredNorm() / (noise * noise) + w.dot(precision_ * w));
+  }
+
+  /// The step that minimises s^T A s / 2 + g^T s, where no friction and no filter gets negative:
+  /// what would is held at 0, and the others are solved for again.
+  [[nodiscard]] VectorXd StepOf(const MatrixXd& A, const VectorXd& g, const VectorXd& w) const {
+    VectorXd step = VectorXd::Zero(w.size());
+    std::vector<bool> held(n_, false);
+    for (int round = 0; round < 4; ++round) {
+      std::vector<Eigen::Index> free;
+      for (std::size_t i = 0; i < n_; ++i)
+        if (!held[i]) free.push_back(ToIndex(i));
+      const MatrixXd of_free = A(free, free);
+      VectorXd right = -g(free);
+      for (std::size_t i = 0; i < n_; ++i)
+        if (held[i]) right -= A(free, ToIndex(i)) * step[ToIndex(i)];
+      const VectorXd solved = of_free.ldlt().solve(right);
+      step(free) = solved;
+      bool again = false;
+      for (const Eigen::Index i : free) {
+        const double least = least_[static_cast<std::size_t>(i)] - w[i];
+        if (step[i] >= least) continue;
+        step[i] = least;
+        held[static_cast<std::size_t>(i)] = again = true;
+      }
+      if (!again) break;
+    }
+    return step;
+  }
+
+  /// Residuals of robots, a column each.
+  [[nodiscard]] MatrixXd Residuals(const std::vector<VectorXd>& robots, int per_tick) {
+    std::vector<std::vector<double>> coordinates;
+    for (const VectorXd& u : robots) coordinates.push_back(CoordinatesOf(u));
+    MatrixXd all(ToIndex(rows_), ToIndex(robots.size()));
+    Eigen::Index row = 0;
+    for (const auto& replay : replays_) {
+      const auto residuals = replay->Play(coordinates, per_tick);
+      for (std::size_t r = 0; r < robots.size(); ++r) {
+        all.block(row, ToIndex(r), ToIndex(replay->count()), 1) =
+            Eigen::Map<const VectorXd>(residuals.of_robot[r].data(), ToIndex(replay->count()));
+      }
+      row += ToIndex(replay->count());
+    }
+    if (!masses_.empty()) {
+      for (std::size_t r = 0; r < robots.size(); ++r) {
+        double total = 0;
+        for (const std::size_t i : masses_) total += portable::Exp(coordinates[r][i]);
+        all(row, ToIndex(r)) = portable::Log(total / settings_.weight_kg) / settings_.weight_sd;
+      }
+    }
+    evaluations_ += static_cast<int>(robots.size());
+    return all;
+  }
+
+  /// Derivatives of the residuals, by forward differences.
+  [[nodiscard]] MatrixXd Derivatives(const VectorXd& u, int per_tick) {
+    std::vector<VectorXd> robots = {u};
+    for (std::size_t i = 0; i < n_; ++i) {
+      robots.push_back(u);
+      robots.back()[ToIndex(i)] += kDifference;
+    }
+    const MatrixXd all = Residuals(robots, per_tick);
+    const VectorXd base = all.col(0);
+    return (all.rightCols(ToIndex(n_)).colwise() - base) / kDifference;
+  }
+
+ private:
+  const RobotPosterior& prior_;
+  const FitSettings& settings_;
+  std::size_t n_, rows_ = 0;
+  std::vector<double> deviations_, least_;
+  MatrixXd precision_;
+  std::vector<std::size_t> masses_;
+  std::vector<std::unique_ptr<RecordedReplay>> replays_;
+  int evaluations_ = 0;
+};
+
+/// Where a fit got to.
+struct Found {
+  VectorXd u, residuals;
+  double value = std::numeric_limits<double>::infinity();  // with the true noise
+};
+
+class Fitter {
+ public:
+  Fitter(Objective& objective, const FitSettings& settings)
+      : objective_(objective), settings_(settings) {}
+
+  Found From(VectorXd u) {
+    Found found;
+    for (const double noise : settings_.annealing) {
+      for (int i = 0; i < settings_.iterations && !Interrupted(); ++i) {
+        if (!Step(u, noise, found)) break;
+      }
+    }
+    return found;
+  }
+
+  [[nodiscard]] bool Interrupted() const {
+    return settings_.interrupt != nullptr && *settings_.interrupt;
+  }
+
+ private:
+  /// @returns whether another step may gain something.
+  bool Step(VectorXd& u, double noise, Found& found) {
+    const bool last = noise <= 1;
+    const MatrixXd J = objective_.Derivatives(u, settings_.per_tick_rough);
+    if (found.u.size() == 0) {
+      found.u = u;
+      found.residuals = objective_.Residuals({u}, settings_.per_tick).col(0);
+    }
+    const double weight = 1 / (noise * noise);
+    const MatrixXd H = weight * J.transpose() * J + objective_.precision();
+    const VectorXd gradient = weight * J.transpose() * found.residuals + objective_.precision() * u;
+    std::vector<VectorXd> candidates;
+    for (const double damping : {0.0, 1e-2, 0.1, 1.0, 10.0, 100.0}) {
+      MatrixXd A = H;
+      A.diagonal() += damping * A.diagonal();
+      VectorXd step = objective_.StepOf(A, gradient, u);
+      const double longest = step.cwiseAbs().maxCoeff();
+      constexpr double kLongest = 3;
+      if (longest > kLongest) step *= kLongest / longest;
+      candidates.push_back(u + step);
+      if (damping == 0) {
+        candidates.push_back(u + 0.5 * step);
+        candidates.push_back(u + 0.25 * step);
+      }
+    }
+    candidates.resize(Packet::kLanes, u);
+    for (VectorXd& candidate : candidates) candidate = objective_.Allowed(candidate);
+    const MatrixXd residuals = objective_.Residuals(candidates, settings_.per_tick);
+    const double before = objective_.ValueOf(found.residuals, u, noise);
+    double best = before;
+    std::size_t which = candidates.size();
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+      const double value = objective_.ValueOf(residuals.col(ToIndex(c)), candidates[c], noise);
+      if (value < best) {
+        best = value;
+        which = c;
+      }
+    }
+    if (settings_.say) {
+      settings_.say(fmt::format(
+          "noise x{:.3g}: {:.6g} -> {:.6g}{}", noise, before, best,
+          which == candidates.size() ? " (no step helps)" : fmt::format(" by {}", which)));
+    }
+    if (which == candidates.size()) return false;
+    u = candidates[which];
+    found.u = u;
+    found.residuals = residuals.col(ToIndex(which));
+    found.value = objective_.ValueOf(found.residuals, u, 1);
+    static_cast<void>(last);
+    return before - best > kGain * before;
+  }
+
+  Objective& objective_;
+  const FitSettings& settings_;
+};
+
+std::vector<FitResiduals> Split(const Objective& objective, const VectorXd& residuals) {
+  std::vector<FitResiduals> split;
+  Eigen::Index row = 0;
+  for (const auto& replay : objective.replays()) {
+    const RecordedMotion& motion = replay->motion();
+    const std::size_t joints = motion.joint_count();
+    FitResiduals of;
+    of.record = motion.name;
+    of.tick_s = motion.tick_s;
+    of.first_s =
+        (static_cast<double>(replay->first()) - static_cast<double>(motion.begins)) * motion.tick_s;
+    of.of_joint.resize(joints);
+    of.noise_rad = replay->noise_rad();
+    std::vector<double> squares(joints, 0.0), counts(joints, 0.0);
+    std::size_t i = 0;
+    for (std::size_t k = replay->first(); k < motion.ticks.size(); ++k) {
+      for (std::size_t j = 0; j < joints; ++j, ++row, ++i) {
+        const double part = replay->parts()[i], r = residuals[row];
+        of.of_joint[j].push_back(part > 0 ? r / std::sqrt(part)
+                                          : std::numeric_limits<double>::quiet_NaN());
+        squares[j] += r * r;
+        counts[j] += part;
+      }
+    }
+    for (std::size_t j = 0; j < joints; ++j) {
+      of.chi_of_joint.push_back(std::sqrt(squares[j] / std::max(1.0, counts[j])));
+      of.squares += squares[j];
+      of.readings += counts[j];
+    }
+    of.chi = std::sqrt(of.squares / std::max(1.0, of.readings));
+    split.push_back(std::move(of));
+  }
+  return split;
+}
+
+double ChiOf(const std::vector<FitResiduals>& records) {
+  double squares = 0, readings = 0;
+  for (const FitResiduals& record : records) {
+    squares += record.squares;
+    readings += record.readings;
+  }
+  return std::sqrt(squares / std::max(1.0, readings));
+}
+
+/// Halves the integrator's error of a solution, by a step from the residuals with half the steps.
+/// The drives' loops stay as slow as they are. (Extrapolation to no steps at all loses more by the
+/// noise of impacts than it gains.)
+void Refine(Objective& objective, const MatrixXd& J, const FitSettings& settings, Found& found) {
+  const VectorXd fine = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
+  const MatrixXd A = J.transpose() * J + objective.precision();
+  const VectorXd gradient = J.transpose() * fine + objective.precision() * found.u;
+  found.u += objective.StepOf(A, gradient, found.u);
+  found.residuals = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
+}
+
+/// The covariance of the variables about a solution.
+/// @param J  derivatives there.
+MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found,
+                  const FitSettings& settings) {
+  const Eigen::Index n = J.cols();
+  const MatrixXd A = J.transpose() * J + objective.precision();
+  MatrixXd meat = objective.precision();
+  Eigen::Index row = 0;
+  for (const auto& replay : objective.replays()) {
+    const RecordedMotion& motion = replay->motion();
+    const auto rows = ToIndex(replay->count());
+    const auto block = ToIndex(static_cast<std::size_t>(std::lround(kBlock_s / motion.tick_s)) *
+                               motion.joint_count());
+    for (Eigen::Index at = 0; at < rows; at += block) {
+      const Eigen::Index length = std::min(block, rows - at);
+      const VectorXd score =
+          J.middleRows(row + at, length).transpose() * found.residuals.segment(row + at, length);
+      meat += score * score.transpose();
+    }
+    row += rows;
+  }
+  for (; row < J.rows(); ++row) meat += J.row(row).transpose() * J.row(row);
+  const auto solve = A.ldlt();
+  const MatrixXd half = solve.solve(meat);
+  const MatrixXd sandwich = solve.solve(half.transpose());
+  const MatrixXd plain = solve.solve(MatrixXd::Identity(n, n));
+  // No residual says less than its own noise.
+  MatrixXd covariance = sandwich;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (sandwich(i, i) >= plain(i, i)) continue;
+    const double larger = std::sqrt(plain(i, i) / sandwich(i, i));
+    covariance.row(i) *= larger;
+    covariance.col(i) *= larger;
+  }
+  return 0.5 * (covariance + covariance.transpose()) * settings.widening * settings.widening;
+}
+
+}  // namespace
+
+double FitOutcome::ShareLeft(std::size_t quantity) const {
+  const double before =
+      first_deviations.empty() ? prior.DeviationOf(quantity) : first_deviations[quantity];
+  return before > 0 ? posterior.DeviationOf(quantity) / before : 1;
+}
+
+RobotPosterior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
+  RobotPosterior prior = PriorOf(records.front().scene);
+  std::vector<RobotQuantity> more = {{Kind::kLag, ""}, {Kind::kVelocityLag, ""}};
+  if (weighed) more.push_back({Kind::kTorque, ""});
+  const std::size_t n = prior.size(), m = n + more.size();
+  std::vector<double> covariance(m * m, 0.0);
+  for (std::size_t i = 0; i < n; ++i) covariance[i * m + i] = prior.covariance[i * n + i];
+  for (std::size_t i = 0; i < more.size(); ++i) {
+    const double sd = FactsOf(more[i].kind).prior_sd;
+    covariance[(n + i) * m + n + i] = sd * sd;
+    prior.quantities.push_back(more[i]);
+    prior.mean.push_back(0);
+  }
+  prior.covariance = std::move(covariance);
+  return prior;
+}
+
+FitOutcome FitRobot(std::span<const RecordedMotion> records, const RobotPosterior& prior,
+                    const FitSettings& settings) {
+  if (records.empty()) throw std::invalid_argument("a fit needs a record");
+  FitOutcome outcome;
+  outcome.prior = prior;
+  outcome.weighed = settings.weight_kg > 0;
+  Objective objective(records, prior, settings);
+  Fitter fitter(objective, settings);
+  Found best;
+  for (int start = 0; start < settings.starts && !fitter.Interrupted(); ++start) {
+    VectorXd u = VectorXd::Zero(ToIndex(prior.size()));
+    Normal normal(1, static_cast<std::uint64_t>(start));
+    if (start > 0)
+      for (Eigen::Index i = 0; i < u.size(); ++i) u[i] = normal.Draw();
+    const Found found = fitter.From(objective.Allowed(u));
+    ++outcome.starts;
+    if (found.value < best.value || best.u.size() == 0) best = found;
+    if (ChiOf(Split(objective, best.residuals)) <= settings.chi_max) break;
+  }
+  outcome.interrupted = fitter.Interrupted();
+  if (best.u.size() == 0) return outcome;
+  const MatrixXd J = objective.Derivatives(best.u, settings.per_tick);
+  Refine(objective, J, settings, best);
+  outcome.records = Split(objective, best.residuals);
+  outcome.chi = ChiOf(outcome.records);
+  outcome.effective = outcome.chi > settings.chi_max;
+  const MatrixXd of_variables = Sandwich(objective, J, best, settings);
+  const std::size_t n = prior.size();
+  const std::vector<double>& deviations = objective.deviations();
+  outcome.posterior.quantities = prior.quantities;
+  outcome.posterior.mean = objective.CoordinatesOf(best.u);
+  outcome.posterior.covariance.resize(n * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < n; ++k)
+      outcome.posterior.covariance[i * n + k] =
+          of_variables(ToIndex(i), ToIndex(k)) * deviations[i] * deviations[k] *
+          WideningOf(prior.quantities[i].kind) * WideningOf(prior.quantities[k].kind);
+  }
+  outcome.evaluations = objective.evaluations();
+  return outcome;
+}
+
+std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
+                                      const RobotPosterior& robot, int per_tick) {
+  FitSettings settings;
+  Objective objective(records, robot, settings);
+  const VectorXd mean = VectorXd::Zero(ToIndex(robot.size()));
+  return Split(objective, objective.Residuals({mean}, per_tick).col(0));
+}
+
+}  // namespace tumbler

@@ -1,0 +1,191 @@
+// From records to a robot. Hidden robots are played by the executor over a simulated bus, with
+// drives, quantisation and the twin's physics, none of which the fit shares.
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "common/files/result_file.h"
+#include "offline/problem/posterior_toml.h"
+#include "offline/studies/excitation.h"
+#include "offline/studies/gate.h"
+#include "offline/studies/identified_model.h"
+#include "offline/studies/identify_page.h"
+#include "offline/studies/robot_fit.h"
+#include "tests/support/files.h"
+#include "tests/support/hidden_robot.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kDrives = "primitives/robots/tumbler_drives.toml";
+
+/// Two excitations of few candidates, made once.
+const std::vector<testing::HiddenRuns>& Excitations() {
+  static const testing::TemporaryFolder folder;
+  static const std::vector<testing::HiddenRuns> runs = [] {
+    std::vector<testing::HiddenRuns> made;
+    for (const std::string task : {"rise", "stand"}) {
+      ExcitationSettings settings;
+      settings.candidates = 6;
+      const Excitation found = MakeExcitation("primitives/tasks/" + task + ".toml", settings);
+      EXPECT_TRUE(found.file) << found.cause;
+      const std::string file = folder / (task + ".toml");
+      PendingFile(file, ToToml(*found.file)).Commit();
+      made.emplace_back(file, kDrives);
+    }
+    return made;
+  }();
+  return runs;
+}
+
+std::vector<RecordedMotion> RecordsOf(const testing::HiddenRobot& robot) {
+  const testing::TemporaryFolder folder;
+  std::vector<RecordedMotion> records;
+  for (const testing::HiddenRuns& run : Excitations()) {
+    const std::string file = folder / (std::to_string(records.size()) + ".rec");
+    EXPECT_TRUE(run.Record(robot, file)) << "an excitation ends where it began";
+    records.push_back(ReadRecordedMotion(file));
+  }
+  return records;
+}
+
+double MeanOf(const FitOutcome& fit, RobotQuantity::Kind kind, const std::string& of = "") {
+  for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
+    if (fit.posterior.quantities[i] == RobotQuantity{kind, of}) return fit.posterior.mean[i];
+  }
+  ADD_FAILURE() << "there is no such quantity";
+  return 0;
+}
+
+using Kind = RobotQuantity::Kind;
+
+TEST(Identify, TwoExcitationsTellAHiddenRobot) {
+  const Scene& scene = Excitations().front().scene();
+  const testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 2);
+  const std::vector<RecordedMotion> records = RecordsOf(robot);
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), {});
+  EXPECT_FALSE(fit.effective) << fit.chi;
+  const Scene varied = Varied(scene, robot.variation);
+  for (const char* link : {"middle", "leg1_link", "leg2_link"}) {
+    EXPECT_NEAR(MeanOf(fit, Kind::kMass, link), CoordinateIn(varied, {Kind::kMass, link}), 0.06)
+        << link;
+  }
+  EXPECT_NEAR(MeanOf(fit, Kind::kFriction), CoordinateIn(varied, {Kind::kFriction, ""}), 0.02);
+  EXPECT_NEAR(MeanOf(fit, Kind::kStiffness), CoordinateIn(varied, {Kind::kStiffness, ""}), 0.08);
+  EXPECT_NEAR(MeanOf(fit, Kind::kSlope), robot.variation.slope_rad, 1e-3);
+  EXPECT_NEAR(MeanOf(fit, Kind::kZero, "leg1"), robot.variation.joints[0].zero_rad, 1e-3);
+  EXPECT_LT(MeanOf(fit, Kind::kVelocityLag), 2e-4);
+  // The page is whole, and names what cannot be known.
+  const std::string page = IdentifyPage(fit, {}, {});
+  EXPECT_NE(page.find("not identifiable"), std::string::npos);
+  EXPECT_NE(page.find("was not weighed"), std::string::npos);
+  EXPECT_EQ(page.find("http"), std::string::npos);
+  EXPECT_NE(page.find("</html>"), std::string::npos);
+}
+
+TEST(Identify, AWeightTellsTheTorqueConstant) {
+  const Scene& scene = Excitations().front().scene();
+  testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 3);
+  robot.torque_factor = 1.03;
+  const std::vector<RecordedMotion> records = RecordsOf(robot);
+  FitSettings settings;
+  const Scene varied = Varied(scene, robot.variation);
+  for (const auto& dof : varied.robot.tree.dofs) settings.weight_kg += dof.mass_kg;
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, true), settings);
+  EXPECT_FALSE(fit.effective);
+  EXPECT_NEAR(MeanOf(fit, Kind::kTorque), std::log(1.03), 0.012);
+  // Without a weight nothing tells: masses come out smaller by as much, and the fit is as good.
+  const FitOutcome believed = FitRobot(records, PriorOfRecords(records, false), {});
+  EXPECT_FALSE(believed.effective);
+  EXPECT_NEAR(MeanOf(believed, Kind::kMass, "middle") - MeanOf(fit, Kind::kMass, "middle"),
+              -std::log(1.03), 0.015);
+}
+
+TEST(Identify, AVelocityFilterIsFound) {
+  testing::HiddenRobot robot = testing::DrawHiddenRobot(Excitations().front().scene(), 11, 4);
+  robot.velocity_filter_s = 3e-3;
+  const std::vector<RecordedMotion> records = RecordsOf(robot);
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), {});
+  EXPECT_FALSE(fit.effective) << fit.chi;
+  EXPECT_NEAR(MeanOf(fit, Kind::kVelocityLag), 3e-3, 2e-4);
+}
+
+TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
+  std::vector<RecordedMotion> records =
+      RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 5));
+  for (RecordedMotion& record : records) {
+    for (std::size_t k = record.ticks.size() - 1; k > 0; --k) {
+      for (std::size_t j = 0; j < record.joint_count(); ++j)
+        record.ticks[k][j].reading_rad = record.ticks[k - 1][j].reading_rad;
+    }
+  }
+  FitSettings settings;
+  settings.starts = 1;
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
+  EXPECT_TRUE(fit.effective || MeanOf(fit, Kind::kLag) < -5e-4) << fit.chi;
+}
+
+TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
+  const testing::TemporaryFolder folder;
+  const std::string whole = folder / "whole.rec", cut = folder / "cut.rec";
+  const testing::HiddenRuns& run = Excitations().back();
+  run.Record(testing::DrawHiddenRobot(run.scene(), 1, 1, 0), whole);
+  const std::size_t ticks = ReadRecordedMotion(whole).ticks.size();
+  const std::string bytes = testing::ReadFile(whole);
+  std::ofstream(cut, std::ios::binary) << bytes.substr(0, bytes.size() / 4);
+  const RecordedMotion record = ReadRecordedMotion(cut);
+  EXPECT_LT(record.ticks.size(), ticks);
+  ASSERT_FALSE(record.remarks.empty());
+  EXPECT_NE(record.remarks[0].find("cut"), std::string::npos);
+}
+
+TEST(Identify, ARecordWithoutMotionIsRefused) {
+  const testing::TemporaryFolder folder;
+  const std::string file = folder / "stand.rec";
+  const testing::HiddenRuns run("primitives/stand.toml", kDrives);
+  run.Record(testing::DrawHiddenRobot(run.scene(), 1, 1, 0), file);
+  try {
+    ReadRecordedMotion(file);
+    FAIL() << "nothing can be learnt of it";
+  } catch (const RecordError& error) {
+    EXPECT_NE(std::string(error.what()).find("no joint moved"), std::string::npos) << error.what();
+  }
+}
+
+TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
+  const Task task = LoadTask("primitives/tasks/handstand.toml");
+  RobotPosterior known = PriorOf(task.problem.scene);
+  for (double& value : known.covariance) value *= 1e-4;
+  GateSettings settings;
+  settings.draws = 1;
+  EXPECT_TRUE(PassGate("primitives/handstand.toml", kDrives, known, settings).open());
+  for (std::size_t i = 0; i < known.size(); ++i)
+    if (known.quantities[i].kind == Kind::kFriction) known.mean[i] = std::log(0.04);
+  const GateOutcome ice = PassGate("primitives/handstand.toml", kDrives, known, settings);
+  EXPECT_FALSE(ice.open());
+  EXPECT_EQ(ice.robots.size(), 2U);
+}
+
+TEST(IdentifiedModel, TheTaskOfAnIdentifiedRobotHasItsLinksAndGround) {
+  const Task given = LoadTask("primitives/tasks/handstand.toml");
+  PosteriorFile file;
+  file.posterior = PriorOf(given.problem.scene);
+  file.posterior.mean = file.posterior.Draw(1, 2, 7);
+  file.prior_deviations.assign(file.posterior.size(), 1);
+  Task known = IdentifiedTask(given, file);
+  for (std::size_t i = 0; i < file.posterior.size(); ++i) {
+    const RobotQuantity& quantity = file.posterior.quantities[i];
+    if (quantity.kind > Kind::kCreepSpeed) continue;  // what neither URDF nor task has
+    EXPECT_NEAR(CoordinateIn(known.problem.scene, quantity), file.posterior.mean[i], 1e-9)
+        << NameOf(quantity);
+  }
+  TuneTo(file, {}, known);
+  const RobotVariation mean =
+      DrawRobot(known.problem.scene, known.problem.robust->spreads, 0, 1, 1);
+  EXPECT_NEAR(mean.links[0].mass, 1, 1e-9) << "the model is the mean of its robots";
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,137 @@
+// What is known of one robot: its quantities, the robot that they make, and the file.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "common/files/toml_reader.h"
+#include "offline/problem/posterior_toml.h"
+#include "offline/problem/task_toml.h"
+#include "tests/support/docs_tables.h"
+
+namespace tumbler {
+namespace {
+
+const Scene& HandstandScene() {
+  static const Task task = LoadTask("primitives/tasks/handstand.toml");
+  return task.problem.scene;
+}
+
+/// A posterior of the handstand's robot that is not its prior.
+PosteriorFile SomePosterior() {
+  PosteriorFile file;
+  file.posterior = PriorOf(HandstandScene());
+  const std::size_t n = file.posterior.size();
+  for (std::size_t i = 0; i < n; ++i)
+    file.prior_deviations.push_back(file.posterior.DeviationOf(i));
+  file.posterior.mean = file.posterior.Draw(1, 3, 4);
+  file.posterior.covariance[1] = file.posterior.covariance[n] = 0.3 * file.posterior.covariance[0];
+  file.chi = 0.1 + 0.2;
+  file.chi_max = 1;
+  file.weighed = true;
+  file.records = {"a \"b\".rec"};
+  return file;
+}
+
+TEST(Posterior, ARobotHasTheQuantitiesOfItsCoordinates) {
+  using Kind = RobotQuantity::Kind;
+  const Scene& scene = HandstandScene();
+  const RobotPosterior prior = PriorOf(scene);
+  for (std::uint64_t index = 0; index < 20; ++index) {
+    const std::vector<double> z = prior.Draw(1, 5, index);
+    const RobotVariation robot = VariationOf(scene, prior.quantities, z);
+    const Scene varied = Varied(scene, robot);
+    for (std::size_t i = 0; i < prior.size(); ++i) {
+      const RobotQuantity& quantity = prior.quantities[i];
+      if (quantity.kind == Kind::kSlope) {
+        const Plane::Vector& g = varied.robot.tree.gravity;
+        EXPECT_NEAR(std::atan2(-g.x(), -g.y()), z[i], 1e-12);
+      } else if (quantity.kind == Kind::kZero) {
+        EXPECT_EQ(robot.joints[quantity.of == "leg1" ? 0 : 1].zero_rad, z[i]);
+      } else if (quantity.kind == Kind::kViscous) {
+        const std::size_t joint = quantity.of == "leg1" ? 0 : 1;
+        const double more =
+            varied.robot.tree.dofs[varied.robot.DofOfJoint(joint)].damping_nm_s_per_rad;
+        EXPECT_NEAR(kUsualViscousFriction_nm_s_per_rad + more, std::exp(z[i]), 1e-12);
+      } else if (quantity.kind == Kind::kDry) {
+        EXPECT_NEAR(CoordinateIn(varied, quantity), std::max(0.0, z[i]), 1e-12);
+      } else {
+        EXPECT_NEAR(CoordinateIn(varied, quantity), z[i], 1e-9) << NameOf(quantity);
+      }
+    }
+  }
+}
+
+TEST(Posterior, DrawsHaveItsMeanAndCovariance) {
+  RobotPosterior two;
+  two.quantities = {{RobotQuantity::Kind::kSlope, ""}, {RobotQuantity::Kind::kFriction, ""}};
+  two.mean = {1, -2};
+  two.covariance = {4, 1.5, 1.5, 1};
+  double sum[2] = {0, 0}, square[3] = {0, 0, 0};
+  constexpr int kDraws = 20000;
+  for (int i = 0; i < kDraws; ++i) {
+    const std::vector<double> z = two.Draw(1, 9, static_cast<std::uint64_t>(i));
+    const double a = z[0] - 1, b = z[1] + 2;
+    sum[0] += a;
+    sum[1] += b;
+    square[0] += a * a;
+    square[1] += a * b;
+    square[2] += b * b;
+  }
+  EXPECT_NEAR(sum[0] / kDraws, 0, 0.05);
+  EXPECT_NEAR(sum[1] / kDraws, 0, 0.03);
+  EXPECT_NEAR(square[0] / kDraws, 4, 0.15);
+  EXPECT_NEAR(square[1] / kDraws, 1.5, 0.06);
+  EXPECT_NEAR(square[2] / kDraws, 1, 0.04);
+}
+
+TEST(PosteriorFile, ReadsBackAsItWasWritten) {
+  const PosteriorFile file = SomePosterior();
+  const PosteriorFile read = ParsePosterior(ToToml(file), "posterior.toml");
+  EXPECT_EQ(read.posterior.quantities, file.posterior.quantities);
+  EXPECT_EQ(read.posterior.mean, file.posterior.mean);
+  EXPECT_EQ(read.posterior.covariance, file.posterior.covariance);
+  EXPECT_EQ(read.prior_deviations, file.prior_deviations);
+  EXPECT_EQ(read.effective, file.effective);
+  EXPECT_EQ(read.chi, file.chi);
+  EXPECT_EQ(read.weighed, file.weighed);
+  EXPECT_EQ(read.records, file.records);
+}
+
+TEST(PosteriorFile, AnEffectiveModelSaysSo) {
+  PosteriorFile file = SomePosterior();
+  EXPECT_EQ(ToToml(file).find("EFFECTIVE"), std::string::npos);
+  file.effective = true;
+  const std::string text = ToToml(file);
+  EXPECT_NE(text.find("EFFECTIVE"), std::string::npos);
+  EXPECT_TRUE(ParsePosterior(text, "posterior.toml").effective);
+}
+
+TEST(PosteriorFile, ACovarianceThatIsNoneIsRefused) {
+  const std::string start =
+      "format = \"tumbler-posterior\"\nversion = 1\neffective = false\nchi = 1\n"
+      "chi_max = 1\nweighed = false\n";
+  const std::string two =
+      "[[quantity]]\nkind = \"slope\"\nmean = 0\nprior_deviation = 1\n"
+      "[[quantity]]\nkind = \"friction\"\nmean = 0\nprior_deviation = 1\n";
+  const auto message = [&](const std::string& covariance) -> std::string {
+    try {
+      ParsePosterior(start + "covariance = " + covariance + "\n" + two, "p.toml");
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(message("[1, 0, 0, 1]"), "");
+  EXPECT_NE(message("[1, 2, 2, 1]").find("positive"), std::string::npos);
+  EXPECT_NE(message("[1, 0.5, 0.4, 1]").find("symmetric"), std::string::npos);
+  EXPECT_NE(message("[1, 0, 1]").find("covariance"), std::string::npos);
+}
+
+TEST(PosteriorFile, TheTablesOfTheDocumentAreThoseOfTheReader) {
+  testing::ExpectTables("docs/formats.md", PosteriorKeyTables());
+}
+
+}  // namespace
+}  // namespace tumbler
