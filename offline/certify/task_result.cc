@@ -194,9 +194,9 @@ void MakeFile(TaskResult& result, Looks& looks) {
         WiderBounds(result.problem()));
     return;
   }
+  const GradientCheck check = looks.GradientAt(best);
   const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
-  PrimitiveFile file =
-      MakePrimitiveFile(result.task, result.outcome, best, result.summary, looks.GradientAt(best));
+  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary, check);
   result.look_cpu_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
   file.purpose = result.look.purpose;
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);

@@ -329,16 +329,16 @@ TEST(OptimizeCli, ARightAngleOfFewDigitsIsNotedAndGivesTheSameMotion) {
 TEST(OptimizeCli, AMotionThatConvergedOnlyWithItsOwnStepsIsNotSaidToHaveConverged) {
   const std::string shipped =
       ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
-  // With steps as coarse as these, the residual is below 1e-4, and with finer ones 30 times that.
+  // With steps as coarse as these, the residual is below 1e-4, and with finer ones ten times that.
   const TaskFolder folder(Replaced(Replaced(shipped, "../../robots", "../robots"),
                                    "tolerance = 1.0e-8", "tolerance = 1.0e-4"));
-  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--json",
-                                      folder / "figures.json", "--minima", "1"});
+  // (A proof would go on until these confirm it.)
+  Program program =
+      Optimize(folder, {"--out", folder / "motion.toml", "--json", folder / "figures.json"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
   EXPECT_THAT(program.text(), HasSubstr("; converged, but not by finer steps\n"));
   const auto figures = Json::Parse(ReadFile(folder / "figures.json")).value();
   EXPECT_EQ(figures["end"], "converged, but not by finer steps");
-  EXPECT_EQ(figures["minima"][0]["end"], figures["end"]);
   EXPECT_LE(figures["kkt"]["relative"].number(), 1e-4);
   EXPECT_GT(figures["kkt_residual"].number(), 1e-4);
 }
