@@ -27,7 +27,8 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& given, const LaneSte
   const std::size_t joints = model.joints;
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
-  // Of the backward Euler method between two evaluations of the law: the filter lags by its constant.
+  // Of the backward Euler method between two evaluations of the law: the filter lags by its
+  // constant.
   std::array<S, LaneModel::kMaxJoints> share, exerted{};
   for (std::size_t j = 0; j < joints; ++j) {
     const S between(h_s * steps.law_every);
