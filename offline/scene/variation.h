@@ -33,7 +33,7 @@ struct Spreads {
   double start_rate_rad_s = 0;  ///< Of the rates of pitch and joints, likewise.
   /// What is known of the one robot of which all are: its mean and covariance take the place of the
   /// deviations above, but for those of delay and start. Null: nothing.
-  std::shared_ptr<const RobotPosterior> posterior;
+  std::shared_ptr<const RobotPosterior> posterior = nullptr;
 
   /// Lets robots have the model's ground.
   void LeaveGround() { friction = stiffness = damping = 0; }

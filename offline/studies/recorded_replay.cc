@@ -49,7 +49,8 @@ RecordedReplay::RecordedReplay(const RecordedMotion& motion,
   first_ = motion.begins - std::min(motion.begins, before);
   FindParts();
   for (const RecordedDrive& joint : motion.joints)
-    noise_rad_.push_back(std::hypot(joint.noise_rad, Replaying::kModelNoise_rad));
+    noise_rad_.push_back(std::sqrt(joint.noise_rad * joint.noise_rad +
+                                   Replaying::kModelNoise_rad * Replaying::kModelNoise_rad));
 }
 
 void RecordedReplay::FindParts() {

@@ -42,13 +42,13 @@ double WideningOf(Kind kind) {
     case Kind::kCreepSpeed:
       return 1.6;
     case Kind::kSlope:
+    case Kind::kStiffness:
       return 1.3;
     case Kind::kZero:
       return 2.2;
     case Kind::kDry:
       return 1.8;
     case Kind::kMassCentre:
-    case Kind::kStiffness:
       return 1.1;
     default:
       return 1;
