@@ -19,7 +19,8 @@
 namespace tumbler {
 namespace {
 
-constexpr const char* kDrives = "primitives/robots/tumbler_drives.toml";
+/// The drives of all runs.
+const std::string kDrives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
 
 /// Two excitations of few candidates, made once.
 const std::vector<testing::HiddenRuns>& Excitations() {
@@ -29,7 +30,8 @@ const std::vector<testing::HiddenRuns>& Excitations() {
     for (const std::string task : {"rise", "stand"}) {
       ExcitationSettings settings;
       settings.candidates = 6;
-      const Excitation found = MakeExcitation("primitives/tasks/" + task + ".toml", settings);
+      const Excitation found =
+          MakeExcitation(testing::SourcePath("primitives/tasks/" + task + ".toml"), settings);
       EXPECT_TRUE(found.file) << found.cause;
       const std::string file = folder / (task + ".toml");
       PendingFile(file, ToToml(*found.file)).Commit();
@@ -144,7 +146,7 @@ TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
 TEST(Identify, ARecordWithoutMotionIsRefused) {
   const testing::TemporaryFolder folder;
   const std::string file = folder / "stand.rec";
-  const testing::HiddenRuns run("primitives/stand.toml", kDrives);
+  const testing::HiddenRuns run(testing::SourcePath("primitives/stand.toml"), kDrives);
   run.Record(testing::DrawHiddenRobot(run.scene(), 1, 1, 0), file);
   try {
     ReadRecordedMotion(file);
@@ -155,21 +157,23 @@ TEST(Identify, ARecordWithoutMotionIsRefused) {
 }
 
 TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
-  const Task task = LoadTask("primitives/tasks/handstand.toml");
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   RobotPosterior known = PriorOf(task.problem.scene);
   for (double& value : known.covariance) value *= 1e-4;
   GateSettings settings;
   settings.draws = 1;
-  EXPECT_TRUE(PassGate("primitives/handstand.toml", kDrives, known, settings).open());
+  EXPECT_TRUE(
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings).open());
   for (std::size_t i = 0; i < known.size(); ++i)
     if (known.quantities[i].kind == Kind::kFriction) known.mean[i] = std::log(0.04);
-  const GateOutcome ice = PassGate("primitives/handstand.toml", kDrives, known, settings);
+  const GateOutcome ice =
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings);
   EXPECT_FALSE(ice.open());
   EXPECT_EQ(ice.robots.size(), 2U);
 }
 
 TEST(IdentifiedModel, TheTaskOfAnIdentifiedRobotHasItsLinksAndGround) {
-  const Task given = LoadTask("primitives/tasks/handstand.toml");
+  const Task given = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   PosteriorFile file;
   file.posterior = PriorOf(given.problem.scene);
   file.posterior.mean = file.posterior.Draw(1, 2, 7);

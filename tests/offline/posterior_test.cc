@@ -9,12 +9,13 @@
 #include "offline/problem/posterior_toml.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/docs_tables.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
 
 const Scene& HandstandScene() {
-  static const Task task = LoadTask("primitives/tasks/handstand.toml");
+  static const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   return task.problem.scene;
 }
 
