@@ -24,7 +24,6 @@ class LaneDriveLaw {
         lanes_(lanes),
         rubs_(Any(S(0) < lanes(drive_.dry_friction))) {}
 
-  /// @param late     where the setpoint of the tick before still acts.
   /// @param largest  takes the largest |torque| of the motor.
   [[gnu::always_inline]] S Torque(const LaneSetpoint<P>& before, const LaneSetpoint<P>& now,
                                   const S& since, const S& q, const S& v, S& largest) const {

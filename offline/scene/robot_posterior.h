@@ -75,7 +75,6 @@ struct RobotPosterior {
 /// The value of a coordinate.
 [[nodiscard]] double ValueOfCoordinate(RobotQuantity::Kind kind, double coordinate);
 /// The coordinate of a quantity in the scene, as its task has it.
-/// @param drive_viscous_nm_s_per_rad  of motors of which the task says nothing.
 /// @throws std::invalid_argument  when the scene has no such link or joint.
 [[nodiscard]] double CoordinateIn(const Scene& scene, const RobotQuantity& quantity);
 

@@ -71,7 +71,13 @@ class TwinReader {
   /// Another robot of the same links and joints in the place of the motion's, on its ground.
   void TakeRobot(const std::string& path) {
     const Provenance& from = motion_.PrimitiveOf(motion_.graph.start).provenance;
-    Scene scene = ParseTask(from.task_toml, from.task_file, ReadTextFile(path), path).problem.scene;
+    std::string text;
+    try {
+      text = ReadTextFile(path);
+    } catch (const FileError& error) {
+      root_.Fail("robot", error.what());
+    }
+    Scene scene = ParseTask(from.task_toml, from.task_file, text, path).problem.scene;
     if (scene.robot.body_names != scene_.robot.body_names) {
       root_.Fail("robot", fmt::format("is a robot of the links {}; allowed: one of those of the "
                                       "motion's, {}",

@@ -19,6 +19,7 @@
 namespace tumbler {
 namespace {
 
+/// The drives of all runs.
 const std::string kDrives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
 
 /// Two excitations of few candidates, made once.
@@ -29,7 +30,8 @@ const std::vector<testing::HiddenRuns>& Excitations() {
     for (const std::string task : {"rise", "stand"}) {
       ExcitationSettings settings;
       settings.candidates = 6;
-      const Excitation found = MakeExcitation(testing::SourcePath("primitives/tasks/" + task + ".toml"), settings);
+      const Excitation found =
+          MakeExcitation(testing::SourcePath("primitives/tasks/" + task + ".toml"), settings);
       EXPECT_TRUE(found.file) << found.cause;
       const std::string file = folder / (task + ".toml");
       PendingFile(file, ToToml(*found.file)).Commit();
@@ -160,10 +162,12 @@ TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
   for (double& value : known.covariance) value *= 1e-4;
   GateSettings settings;
   settings.draws = 1;
-  EXPECT_TRUE(PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings).open());
+  EXPECT_TRUE(
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings).open());
   for (std::size_t i = 0; i < known.size(); ++i)
     if (known.quantities[i].kind == Kind::kFriction) known.mean[i] = std::log(0.04);
-  const GateOutcome ice = PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings);
+  const GateOutcome ice =
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings);
   EXPECT_FALSE(ice.open());
   EXPECT_EQ(ice.robots.size(), 2U);
 }

@@ -40,7 +40,9 @@ def keys(value, above=()):
             yield from keys(element, (*above, i))
     elif isinstance(value, dict):
         for key, inner in value.items():
-            if not (above and above[-1] in NAMES):
+            # In a twin's [motor] there are tables of joints beside keys.
+            of_joint = above and above[-1] == "motor" and isinstance(inner, dict)
+            if not of_joint and not (above and above[-1] in NAMES):
                 yield (*above, key)
             yield from keys(inner, (*above, key))
 
