@@ -332,8 +332,7 @@ struct Twin::Implementation {
         error = std::max(error, h / 6 * std::abs(slope[i] - 2 * middle_slope[i] + end_slope[i]) /
                                     (kTwinStepError * (1 + std::abs(y[i]))));
       }
-      double factor =
-          std::clamp(0.9 * portable::Power(std::max(error, 1e-3), -1.0 / 3), 0.3, 4.0);
+      double factor = std::clamp(0.9 * portable::Power(std::max(error, 1e-3), -1.0 / 3), 0.3, 4.0);
       // A mode that the drives damp at the rate r makes the step unstable from h r = 2 on, before
       // any error shows where the robot rests. How slopes and states differ tells the fastest rate
       // that takes part.
