@@ -102,7 +102,8 @@ struct SolverSettings {
   /// A finalist has converged when its KktResidual::relative is no larger. The smaller it is, the
   /// smaller `tolerance` has to be.
   double kkt_residual = 1e-4;
-  /// Whether a motion is solved until it has converged, however long that takes. Otherwise, where
+  /// Whether a motion is solved until it has converged, or makes no progress any more, however long
+  /// that takes. Otherwise, where
   /// lanes cover the problem, it goes on to the minimum for as long as the search took, and then
   /// only as long as a step promises a thousandth of the cost.
   bool prove = false;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <list>
@@ -106,10 +107,23 @@ void PrintReadings(const RecordedMotion& record) {
   const double used_s = static_cast<double>(record.ticks.size()) * record.tick_s;
   fmt::print(
       "{}: {}, {:.3g} s used, of which the robot stood {:.3g} s before; setpoints are late by "
-      "{:.3g} ms besides the frames' time\n",
+      "{:.3f} ms besides the frames' time\n",
       record.name, record.motion_name, used_s, static_cast<double>(record.begins) * record.tick_s,
       1e3 * record.late_s);
   for (const std::string& remark : record.remarks) fmt::print("  {}\n", remark);
+}
+
+/// Says of quantities that are far from what was known of them before.
+void PrintFarOff(const RobotPosterior& posterior, const RobotPosterior& prior) {
+  constexpr double kFar = 3;
+  for (std::size_t i = 0; i < posterior.size(); ++i) {
+    const double off = std::abs(posterior.mean[i] - prior.mean[i]) / prior.DeviationOf(i);
+    if (off <= kFar) continue;
+    fmt::print(
+        "warning: {} is {:.3g} standard deviations from what was known before: such is a robot far "
+        "from its model, a wrong weight, or physics that the model lacks\n",
+        NameOf(posterior.quantities[i]), off);
+  }
 }
 
 void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
@@ -190,6 +204,7 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   }
   fit.first_deviations = first_deviations;
   PrintFit(fit, settings);
+  PrintFarOff(fit.posterior, prior);
   std::vector<FitResiduals> predicted;
   if (!held_out.empty()) {
     predicted = ResidualsOf(held_out, fit.posterior, settings.per_tick);

@@ -349,9 +349,10 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--minima", arguments.minima,
               "Solve this many starts to the end, and show a table of all minima found")
       .Within(1, 1000);
-  line.Flag("--prove", arguments.prove,
-            "Solve until the motion is at a minimum, by the residual of the task, however long "
-            "that takes; otherwise only where it takes no longer than the search");
+  line.Flag(
+      "--prove", arguments.prove,
+      "Go on until the motion is at a minimum, by the residual of the task, or the solver makes "
+      "no progress any more; otherwise only where it takes no longer than the search");
   line.Flag("--keep-best", arguments.keep_best,
             "When interrupted, still write the best motion so far");
   line.Flag("--quiet", arguments.quiet, "No progress: only warnings and what was found");

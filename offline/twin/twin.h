@@ -49,7 +49,7 @@ struct FrictionPatch {
 };
 
 /// Bound of the error of a velocity v in a step, estimated by Simpson's rule: divided by 1 + |v|
-/// [m/s, rad/s]. Ten times smaller ones give the same verdicts (docs/benchmarks.md).
+/// [m/s, rad/s].
 inline constexpr double kTwinStepError = 1e-3;
 /// The longest step: a foot at 3 m/s crosses the layer in which contact begins in 1.3 ms.
 inline constexpr std::int64_t kTwinLongestStep_ns = 800'000;
@@ -65,7 +65,10 @@ struct TwinConfig {
     /// `step_ns`. So often the drives' law is computed, too.
     kFixed,
   };
-  Steps steps = Steps::kErrorBound;
+  /// Fixed ones are the reference: with an error bound a current loop's lag comes out shorter by
+  /// half a step, and on hard ground and on a bar motions end otherwise now and then
+  /// (docs/simulation.md).
+  Steps steps = Steps::kFixed;
   /// The current loop of a drive runs at 20 to 40 kHz.
   std::int64_t step_ns = 50'000;
   /// Whether the robot and its joints are held until every drive is enabled: limp legs do not

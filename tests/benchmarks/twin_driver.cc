@@ -1,5 +1,6 @@
 // The program in which scripts/count-instructions counts what a robot takes that plays the shipped
-// handstand and its hold in the twin. It prints how many milliseconds of the robot's time that was.
+// handstand and its hold in the twin, in steps within the error bound. It prints how many
+// milliseconds of the robot's time that was.
 
 #include <cstdio>
 
@@ -14,6 +15,7 @@ namespace {
 int Main() {
   RobustnessStudy study;
   study.motion = testing::SourcePath("primitives/handstand.toml");
+  study.twin = testing::SourcePath("tests/data/error_bound_twin.toml");
   Trials trials(study);
   if (!CountedRobot(trials)) return 1;
   const Script& script = trials.script();
