@@ -115,6 +115,8 @@ PosteriorFile Read(TomlTable root) {
   const std::size_t n = file.posterior.size();
   file.posterior.covariance = root.Numbers("covariance", {-1e12, 1e12}, n * n);
   for (std::size_t i = 0; i < n; ++i) {
+    if (!(file.posterior.covariance[i * n + i] > 0))
+      root.Fail("covariance", fmt::format("has a variance of 0 or less in row {}", i + 1));
     for (std::size_t k = 0; k < i; ++k) {
       const double a = file.posterior.covariance[i * n + k];
       const double b = file.posterior.covariance[k * n + i];

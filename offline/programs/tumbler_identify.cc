@@ -55,6 +55,8 @@ ExitStatus Excite(const IdentifyArguments& arguments) {
   if (arguments.seed) settings.seed = *arguments.seed;
   if (!arguments.quiet)
     settings.say = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
+  if (arguments.out == "-")
+    throw FileError(arguments.out, 0, "", "a primitive is written to a file; './-' is one");
   CheckWritable(arguments.out);
   CheckDistinct({arguments.task}, {arguments.out});
   const Excitation found = MakeExcitation(arguments.task, settings);
@@ -223,10 +225,14 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
       names.push_back(fs::path(record.name).filename().string());
     file.records = names;
     const RecordedMotion& first = records.front();
-    const std::string urdf =
-        (fit.effective ? std::string("<!-- AN EFFECTIVE MODEL: not the robot's quantities. -->\n")
-                       : std::string()) +
+    std::string urdf =
         IdentifiedUrdf(first.robot_text, first.robot_file, first.scene, fit.posterior);
+    if (fit.effective) {
+      // Nothing may come before the declaration of XML.
+      const std::size_t declared = urdf.starts_with("<?xml") ? urdf.find("?>") : std::string::npos;
+      urdf.insert(declared == std::string::npos ? 0 : declared + 2,
+                  "\n<!-- AN EFFECTIVE MODEL: not the robot's quantities. -->\n");
+    }
     const auto beside = [&](const char* name) { return (fs::path(arguments.out) / name).string(); };
     fs::create_directories(arguments.out);
     std::list<PendingFile> files;
@@ -278,7 +284,7 @@ ExitStatus Main(int argc, char** argv) {
       .Required();
   excite.Option("--out", arguments.out, "Write the primitive here").Required();
   excite.Option("--duration-s", arguments.excitation.duration_s, "Of what moves, after a hold")
-      .Within(0.3, 5.0)
+      .Within(0.3, 2.0)
       .ShowDefault();
   excite.Option("--candidates", arguments.excitation.candidates, "Motions that are drawn")
       .Within(1, 10000)

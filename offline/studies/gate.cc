@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "common/files/program.h"
+
 namespace tumbler {
 
 bool GateOutcome::open() const {
@@ -11,6 +13,8 @@ bool GateOutcome::open() const {
 
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
                      const RobotPosterior& posterior, const GateSettings& settings) {
+  if (LoadMotion(motion).graph.edge_count > 0)
+    throw Refused(motion + ": goes on for ever; the gate takes motions that end, one by one");
   RobustnessStudy study;
   study.motion = motion;
   study.drives = drives;

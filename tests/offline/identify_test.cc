@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "offline/problem/posterior_toml.h"
 #include "offline/studies/excitation.h"
@@ -170,6 +171,13 @@ TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
       PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings);
   EXPECT_FALSE(ice.open());
   EXPECT_EQ(ice.robots.size(), 2U);
+}
+
+TEST(Gate, TakesNoSequenceThatGoesOnForEver) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  EXPECT_THROW(PassGate(testing::SourcePath("primitives/gait.toml"), kDrives,
+                        PriorOf(task.problem.scene), GateSettings{}),
+               Refused);
 }
 
 TEST(IdentifiedModel, TheTaskOfAnIdentifiedRobotHasItsLinksAndGround) {
