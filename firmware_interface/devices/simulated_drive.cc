@@ -83,8 +83,7 @@ double SimulatedDrive::LimitedLaw(std::int64_t time_ns, const Shaft& shaft) cons
 
 double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
                             double joint_velocity_rad_s) noexcept {
-  const Shaft exact = ShaftAt(time_ns, joint_position_rad, joint_velocity_rad_s);
-  shaft_ = exact;
+  shaft_ = ShaftAt(time_ns, joint_position_rad, joint_velocity_rad_s);
   shaft_.encoder_step_rad = motor_.encoder_step_rad;
   const double passed_s = stepped_ns_ < 0 ? 0.0 : static_cast<double>(time_ns - stepped_ns_) * 1e-9;
   stepped_ns_ = time_ns;
@@ -94,8 +93,7 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
         (end - temperature_c_) * -portable::Expm1(-passed_s / motor_.thermal_time_constant_s);
   }
   Act(time_ns);
-  wanted_nm_ = smooth_nm_ = LimitedLaw(time_ns, shaft_);
-  if (motor_.encoder_step_rad > 0) smooth_nm_ = LimitedLaw(time_ns, exact);
+  wanted_nm_ = LimitedLaw(time_ns, shaft_);
   if (motor_.torque_time_constant_s > 0) {
     torque_nm_ +=
         (wanted_nm_ - torque_nm_) * -portable::Expm1(-passed_s / motor_.torque_time_constant_s);
@@ -107,8 +105,11 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
 
 double SimulatedDrive::TorqueAt(std::int64_t time_ns, double joint_position_rad,
                                 double joint_velocity_rad_s) const noexcept {
+  Shaft exact = shaft_;
+  exact.encoder_step_rad = 0;
   const double since =
-      LimitedLaw(time_ns, ShaftAt(time_ns, joint_position_rad, joint_velocity_rad_s)) - smooth_nm_;
+      LimitedLaw(time_ns, ShaftAt(time_ns, joint_position_rad, joint_velocity_rad_s)) -
+      LimitedLaw(stepped_ns_, exact);
   double torque_nm = torque_nm_ + since;
   if (motor_.torque_time_constant_s > 0) {
     const double passed_s = static_cast<double>(time_ns - stepped_ns_) * 1e-9;

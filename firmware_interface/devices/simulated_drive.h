@@ -155,7 +155,7 @@ class SimulatedDrive : public SimulatedNode {
   double temperature_c_;
   std::int64_t stepped_ns_ = -1;  // time of the last step; -1: none yet
   Shaft shaft_;
-  double wanted_nm_ = 0, smooth_nm_ = 0;  // what the law asked for; as if the encoder were exact
+  double wanted_nm_ = 0;  // what the law asked for in the last step
   double torque_nm_ = 0;
   std::int64_t watchdog_expiries_ = 0;
   std::int64_t frames_received_ = 0;

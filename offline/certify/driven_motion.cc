@@ -149,10 +149,6 @@ class DrivenRobot {
   double tick_ = -1e9;  ///< Whose setpoints the drives have.
 };
 
-}  // namespace
-
-namespace {
-
 /// How many steps the period is divided into, so that setpoints change between them.
 /// @param parts  of the solver's step.
 int StepsInPeriod(const Problem& problem, double longest_s, double parts) {

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "common/core/functions.h"
+#include "common/files/markup.h"
 #include "common/files/toml_reader.h"
 
 #ifdef TUMBLER_WITH_MUJOCO
@@ -36,26 +37,6 @@ Model Load(const std::string& path) {
   return model;
 }
 
-std::string Escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
 std::string Text(double value) { return fmt::format("{}", value == 0 ? 0.0 : value); }
 std::string Text(const SpaceVector& v) {
   return fmt::format("{} {} {}", Text(v.x()), Text(v.y()), Text(v.z()));
@@ -75,7 +56,7 @@ class Converter {
   MjcfRobot Convert() {
     const int root = FreeRoot();
     urdf_ = fmt::format("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n",
-                        Escaped(m_.names[0] == 0 ? "robot" : std::string(m_.names)));
+                        MarkupText(m_.names[0] == 0 ? "robot" : std::string(m_.names)));
     for (int body = 0; body < m_.nbody; ++body) {
       if (root > 0 && body == 0) {
         if (m_.body_geomnum[0] > 0) Note("shapes of the world are left out");
@@ -157,7 +138,7 @@ class Converter {
       origin = at;
       const bool last = k + 1 == m_.body_jntnum[body];
       const std::string below = last ? name : fmt::format("{}_{}", name, k);
-      if (!last) urdf_ += fmt::format("  <link name=\"{}\"/>\n", Escaped(below));
+      if (!last) urdf_ += fmt::format("  <link name=\"{}\"/>\n", MarkupText(below));
       AddMoving(joint, above, below, place, turned);
       above = below;
       place = SpaceVector::Zero();
@@ -237,14 +218,14 @@ class Converter {
     urdf_ += fmt::format(
         "  <joint name=\"{}\" type=\"{}\">\n    <parent link=\"{}\"/>\n    <child link=\"{}\"/>\n"
         "    {}\n{}  </joint>\n",
-        Escaped(name), type, Escaped(above), Escaped(below), Origin(place, turned), more);
+        MarkupText(name), type, MarkupText(above), MarkupText(below), Origin(place, turned), more);
   }
 
   void AddLink(int body, const SpaceVector& origin) {
     origins_.resize(static_cast<std::size_t>(m_.nbody), SpaceVector::Zero());
     origins_[static_cast<std::size_t>(body)] = origin;
     const std::string name = NameOf(mjOBJ_BODY, body);
-    urdf_ += fmt::format("  <link name=\"{}\">\n", Escaped(name));
+    urdf_ += fmt::format("  <link name=\"{}\">\n", MarkupText(name));
     if (body > 0 && m_.body_mass[body] > 0) {
       const SpaceVector I = Vector(Row<3>(m_.body_inertia, body));
       urdf_ += fmt::format(
@@ -279,7 +260,7 @@ class Converter {
         break;
       case mjGEOM_MESH:
         form = fmt::format("<mesh filename=\"{}\"/>",
-                           Escaped(mj_id2name(&m_, mjOBJ_MESH, m_.geom_dataid[geom])));
+                           MarkupText(mj_id2name(&m_, mjOBJ_MESH, m_.geom_dataid[geom])));
         break;
       default:
         Note(fmt::format("link '{}': a plane, height field or ellipsoid is left out", link));

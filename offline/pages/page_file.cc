@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "common/files/markup.h"
 #include "common/files/toml_reader.h"
 #include "offline/pages/report_checks.h"
 
@@ -26,26 +27,6 @@ std::string ScriptText(const Json& json) {
       safe += "\\u003c";
     } else {
       safe += c;
-    }
-  }
-  return safe;
-}
-
-std::string HtmlText(std::string_view text) {
-  std::string safe;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        safe += "&amp;";
-        break;
-      case '<':
-        safe += "&lt;";
-        break;
-      case '>':
-        safe += "&gt;";
-        break;
-      default:
-        safe += c;
     }
   }
   return safe;
@@ -100,7 +81,7 @@ std::string FillPage(const std::string& page, std::string_view title, const Json
   const std::size_t title_at = page.find(kTitle);
   const std::size_t data_at = page.find(kData);
   std::string filled = page.substr(0, title_at);
-  filled += HtmlText(title);
+  filled += MarkupText(title);
   filled += page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size());
   filled += ScriptText(data);
   filled += page.substr(data_at + kData.size());

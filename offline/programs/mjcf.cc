@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/core/index.h"
+#include "common/files/markup.h"
 #include "offline/model/hybrid_dynamics.h"
 #include "offline/model/near_points.h"
 
@@ -24,27 +25,9 @@ constexpr double kStep_s = 2e-4;
 /// Text of an attribute or a comment: names of files are anybody's.
 std::string Escaped(std::string_view text) {
   std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '-':
-        out += out.ends_with('-') ? " -" : "-";
-        break;  // "--" would end a comment
-      default:
-        out += c;
-    }
-  }
+  // "--" would end a comment.
+  for (const char c : MarkupText(text))
+    out += c == '-' && out.ends_with('-') ? " -" : std::string(1, c);
   return out;
 }
 

@@ -327,4 +327,6 @@ ExitStatus Main(int argc, char** argv) {
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler identify", argc, argv, tumbler::Main);
+}

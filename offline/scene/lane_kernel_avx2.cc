@@ -3,6 +3,7 @@
 
 #define TUMBLER_LANES_NAMESPACE lanes_avx2
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_plan.h"
 #include "offline/scene/lane_steps.h"
 
 namespace tumbler {
@@ -12,6 +13,12 @@ const LaneKernel<Packet>& Avx2Kernel() {
   static constexpr LaneKernel<Packet> kernel{"AVX2", DriveLanes<Packet, Vector<4>>,
                                              DriveLanesClassically<Packet, Vector<4>>,
                                              PrescribeLanes<Packet, Vector<4>>};
+  return kernel;
+}
+
+const LanePlanKernel<Packet>& Avx2PlanKernel();
+const LanePlanKernel<Packet>& Avx2PlanKernel() {
+  static constexpr LanePlanKernel<Packet> kernel{"AVX2", RunLanePlans<Packet, Vector<4>>};
   return kernel;
 }
 

@@ -3,6 +3,7 @@
 
 #define TUMBLER_LANES_NAMESPACE lanes_avx512
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_plan.h"
 #include "offline/scene/lane_steps.h"
 
 namespace tumbler {
@@ -12,6 +13,12 @@ const LaneKernel<Packet>& Avx512Kernel() {
   static constexpr LaneKernel<Packet> kernel{"AVX-512", DriveLanes<Packet, Vector<8>>,
                                              DriveLanesClassically<Packet, Vector<8>>,
                                              PrescribeLanes<Packet, Vector<8>>};
+  return kernel;
+}
+
+const LanePlanKernel<Packet>& Avx512PlanKernel();
+const LanePlanKernel<Packet>& Avx512PlanKernel() {
+  static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vector<8>>};
   return kernel;
 }
 

@@ -195,17 +195,10 @@ class LanePlanRun {
 template <class P, class S>
 void RunLanePlans(const LaneModel& model, const LaneRobot<P>& robot, const LanePlan& plan,
                   std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record) {
-  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {
-    const LanesFrom<S> lanes(first);
-    const auto run = [&]<class Tree>() {
-      LanePlanRun<Tree, P, S>(model, robot, plan, points, start, record, lanes).Run();
-    };
-    if (TwoOnRoot::IsOf(model)) {
-      run.template operator()<TwoOnRoot>();
-    } else {
-      run.template operator()<AnyTree>();
-    }
-  }
+  WithTreeOf(model, [&]<class Tree>() {
+    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+      LanePlanRun<Tree, P, S>(model, robot, plan, points, start, record, LanesFrom<S>(first)).Run();
+  });
 }
 
 }  // namespace TUMBLER_LANES_NAMESPACE

@@ -55,7 +55,7 @@ struct LanePlanRecord {
 /// The simulation of plans in lanes, compiled for one kind of vectors; as LaneKernel.
 template <class S>
 struct LanePlanKernel {
-  /// "one robot", "SSE2", "AVX2" or "AVX-512"
+  /// As LaneKernel::name.
   const char* name;
   /// @param points  control points of all joints, one joint's after the other [rad].
   /// @param start   the root's position and velocity; the joints' are those of their paths.

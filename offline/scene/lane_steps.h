@@ -244,6 +244,20 @@ using OneJoint = KnownTree<0>;
 using TwoOnRoot = KnownTree<0, 0>;
 using TwoInARow = KnownTree<0, 1>;
 
+/// Calls `use`, a template of one tree, with the model's.
+template <class Use>
+void WithTreeOf(const LaneModel& model, Use&& use) {
+  if (TwoOnRoot::IsOf(model)) {
+    use.template operator()<TwoOnRoot>();
+  } else if (TwoInARow::IsOf(model)) {
+    use.template operator()<TwoInARow>();
+  } else if (OneJoint::IsOf(model)) {
+    use.template operator()<OneJoint>();
+  } else {
+    use.template operator()<AnyTree>();
+  }
+}
+
 /// The setpoints that are held after these.
 template <class P>
 void TakeLast(const LaneModel& model, std::span<const LaneSetpoint<P>> setpoints,
@@ -258,12 +272,10 @@ template <class P, class S>
 void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
                 std::span<const LaneSetpoint<P>> setpoints, HeldSetpoints<P>& held,
                 LaneState<P>& state, LaneWatch<P>& watch) {
-  const auto drive = TwoOnRoot::IsOf(model)   ? DriveSome<TwoOnRoot, S, P>
-                     : TwoInARow::IsOf(model) ? DriveSome<TwoInARow, S, P>
-                     : OneJoint::IsOf(model)  ? DriveSome<OneJoint, S, P>
-                                              : DriveSome<AnyTree, S, P>;
-  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
-    drive(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+  WithTreeOf(model, [&]<class Tree>() {
+    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+      DriveSome<Tree>(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+  });
   TakeLast(model, setpoints, held);
 }
 
@@ -272,13 +284,12 @@ template <class P, class S>
 void DriveLanesClassically(const LaneModel& model, const LaneRobot<P>& robot,
                            const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
                            HeldSetpoints<P>& held, LaneState<P>& state, std::size_t lanes) {
-  const auto drive = TwoOnRoot::IsOf(model)   ? DriveSomeClassically<TwoOnRoot, S, P>
-                     : TwoInARow::IsOf(model) ? DriveSomeClassically<TwoInARow, S, P>
-                     : OneJoint::IsOf(model)  ? DriveSomeClassically<OneJoint, S, P>
-                                              : DriveSomeClassically<AnyTree, S, P>;
   LaneWatch<P> watch{};
-  for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
-    drive(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+  WithTreeOf(model, [&]<class Tree>() {
+    for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
+      DriveSomeClassically<Tree>(model, robot, steps, setpoints, held, state, watch,
+                                 LanesFrom<S>(first));
+  });
   TakeLast(model, setpoints, held);
 }
 
@@ -287,12 +298,11 @@ template <class P, class S>
 void PrescribeLanes(const LaneModel& model, const LaneRobot<P>& robot, double step_s,
                     std::span<const LaneSetpoint<P>> setpoints, LaneState<P>& state,
                     LaneWatch<P>& watch, std::span<P> torques) {
-  const auto prescribe = TwoOnRoot::IsOf(model)   ? PrescribeSome<TwoOnRoot, S, P>
-                         : TwoInARow::IsOf(model) ? PrescribeSome<TwoInARow, S, P>
-                         : OneJoint::IsOf(model)  ? PrescribeSome<OneJoint, S, P>
-                                                  : PrescribeSome<AnyTree, S, P>;
-  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
-    prescribe(model, robot, step_s, setpoints, state, watch, torques, LanesFrom<S>(first));
+  WithTreeOf(model, [&]<class Tree>() {
+    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+      PrescribeSome<Tree>(model, robot, step_s, setpoints, state, watch, torques,
+                          LanesFrom<S>(first));
+  });
 }
 
 }  // namespace TUMBLER_LANES_NAMESPACE

@@ -91,7 +91,8 @@ struct RobotPosterior {
                                          std::span<const double> coordinates);
 
 /// The lower triangle L with L L^T = a symmetric matrix of n x n numbers, row by row, by Cholesky.
-/// A pivot that is rounding below zero is zero, and so is its column.
+/// A pivot that is rounding below zero is zero, and so is its column. (Eigen's, which fuses
+/// operations on aarch64, would draw other robots there.)
 /// @throws std::invalid_argument  when it is not positive semidefinite.
 [[nodiscard]] std::vector<double> LowerFactor(std::span<const double> symmetric, std::size_t n);
 

@@ -531,12 +531,6 @@ Solution SolveNear(const Problem& problem, std::span<const double> start, const 
       .Run(start);
 }
 
-Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   double enough, NearRollouts& rollouts, const SolveOptions& options,
-                   std::vector<Evaluation>* history) {
-  return SolveNear(problem, start, {max_evaluations, enough}, rollouts, options, history);
-}
-
 Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
                    LaneSensitivity& lanes, const SolveOptions& options,
                    std::vector<Evaluation>* history, NearMemory* memory) {

@@ -76,11 +76,6 @@ struct NearMemory {
 Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
                    NearRollouts& rollouts, const SolveOptions& options,
                    std::vector<Evaluation>* history, NearMemory* memory = nullptr);
-/// The same, with `enough` from the first evaluation on.
-Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   double enough, NearRollouts& rollouts, const SolveOptions& options,
-                   std::vector<Evaluation>* history);
-
 /// The same with the derivatives of lanes alone, which ends on the way: as soon as the residual is
 /// within ten times what is asked for, nothing comes of it any more, or the evaluations are used
 /// up.

@@ -516,7 +516,8 @@ class Refinement {
     const int budget = problem_.solver.max_evaluations - before;
     if (budget <= 0) return;
     std::vector<Evaluation> history;
-    Solution found = SolveNear(problem_, solution.x, budget, enough, rollouts_, options_, &history);
+    Solution found =
+        SolveNear(problem_, solution.x, {budget, enough}, rollouts_, options_, &history);
     for (Evaluation& evaluation : history) {
       evaluation.start = solution.start;
       evaluation.count += before;

@@ -9,16 +9,13 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
-#include <toml++/toml.h>
-
 #include "common/core/functions.h"
 #include "common/core/index.h"
-#include "common/files/toml_reader.h"
+#include "common/files/toml_writer.h"
 #include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
@@ -33,6 +30,7 @@
 #include "offline/solve/solver.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/recorded_replay.h"
+#include "offline/studies/toml_edit.h"
 
 namespace tumbler {
 namespace {
@@ -55,49 +53,37 @@ constexpr std::size_t kCertified = 8;
 
 /// The task of an excitation: the given one's robot, start, limits and ground, with an end at the
 /// start and no other aim than to rest there.
-std::string TextOfTask(const std::string& text, const std::string& name, double duration_s) {
-  static_cast<void>(TomlTable::Parse(text, name));  // It refuses what is dangerous to parse.
-  toml::table given = toml::parse(text, name);
-  toml::table task;
-  for (const char* key : {"format", "version", "robot", "root", "start", "limits", "contact",
-                          "obstacle", "motor", "self_contact", "locked", "drives"}) {
-    if (given.contains(key)) task.insert(key, *given.get(key));
+std::string TextOfTask(const Task& given, double duration_s) {
+  constexpr std::array<std::string_view, 11> kKept = {
+      "format",  "version",  "robot", "root",   "start",       "limits",
+      "contact", "obstacle", "motor", "locked", "self_contact"};
+  const Problem& problem = given.problem;
+  TomlWriter writer("a task");
+  writer.Line("# Made by tumbler identify excite of " +
+              std::filesystem::path(given.task_file).filename().string() +
+              ": to be told from, and to end where it began.");
+  writer.Text("name", "identify_" + problem.name);
+  writer.Number("duration_s", duration_s);
+  writer.Number("settle_s", 0.5);
+  writer.Line(WithOnly(given.task_text, given.task_file, kKept));
+  writer.Line("[end.joints_rad]");
+  for (const ActuatedJoint& joint : problem.joints) {
+    const std::string& name = problem.scene.robot.tree.dofs[Index(joint.dof)].name;
+    writer.Number("\"" + name + "\"", joint.start_rad);
   }
-  const std::string of = given["name"].value_or(std::string("task"));
-  task.insert("name", "identify_" + of);
-  task.insert("duration_s", duration_s);
-  task.insert("settle_s", 0.5);
-  task.insert("end", toml::table{{"joints_rad", given["start"]["joints_rad"].as_table() != nullptr
-                                                    ? *given["start"]["joints_rad"].as_table()
-                                                    : toml::table{}}});
-  task.insert("spline",
-              toml::table{{"degree", 5},
-                          {"control_points",
-                           static_cast<int>(std::lround(kPointsPerSecond * duration_s))}});
-  const double pitch = given["start"]["pitch_rad"].value_or(0.0);
-  toml::array cost;
-  cost.push_back(toml::table{{"term", "terminal"},
-                             {"of", "pitch"},
-                             {"when", "settled"},
-                             {"target", pitch},
-                             {"weight", 10.0}});
-  cost.push_back(toml::table{
-      {"term", "terminal"}, {"of", "pitch_rate"}, {"when", "settled"}, {"weight", 1.0}});
-  cost.push_back(toml::table{{"term", "effort"}, {"weight", 1e-4}});
-  task.insert("cost", std::move(cost));
-  if (!task.contains("drives")) {
-    const auto gain = [&](const char* key) { return given["robust"][key].value<double>(); };
-    const auto kp = gain("kp_nm_per_rad"), kd = gain("kd_nm_s_per_rad");
-    if (kp && kd)
-      task.insert("drives", toml::table{{"kp_nm_per_rad", *kp}, {"kd_nm_s_per_rad", *kd}});
-  }
-  toml::table solver{{"step_s", given["solver"]["step_s"].value_or(1e-3)}};
-  task.insert("solver", std::move(solver));
-  std::ostringstream out;
-  out << "# Made by tumbler identify excite of " << std::filesystem::path(name).filename().string()
-      << ": to be told from, and to end where it began.\n"
-      << task << '\n';
-  return out.str();
+  writer.Line("[spline]\ndegree = 5");
+  writer.Line(fmt::format("control_points = {}", std::lround(kPointsPerSecond * duration_s)));
+  writer.Line("[[cost]]\nterm = \"terminal\"\nof = \"pitch\"\nwhen = \"settled\"\nweight = 10.0");
+  writer.Number("target", problem.start_q[2]);
+  writer.Line(
+      "[[cost]]\nterm = \"terminal\"\nof = \"pitch_rate\"\nwhen = \"settled\"\nweight = 1.0");
+  writer.Line("[[cost]]\nterm = \"effort\"\nweight = 1e-4");
+  writer.Line("[drives]");
+  writer.Number("kp_nm_per_rad", problem.drive_gains().kp_nm_per_rad);
+  writer.Number("kd_nm_s_per_rad", problem.drive_gains().kd_nm_s_per_rad);
+  writer.Line("[solver]");
+  writer.Number("step_s", problem.solver.step_s);
+  return writer.Take();
 }
 
 /// Two waves for each joint.
@@ -144,8 +130,8 @@ class Maker {
   Maker(const std::string& task_file, const ExcitationSettings& settings) : settings_(settings) {
     const Task given = LoadTask(task_file);
     CheckGiven(given, task_file);
-    task_ = ParseTask(TextOfTask(given.task_text, task_file, settings.duration_s + kStands_s),
-                      given.task_file, given.robot_text, given.robot_file);
+    task_ = ParseTask(TextOfTask(given, settings.duration_s + kStands_s), given.task_file,
+                      given.robot_text, given.robot_file);
     drive_.kp = problem().drive_gains().kp_nm_per_rad;
     drive_.kd = problem().drive_gains().kd_nm_s_per_rad;
     drive_.delay_s = kArrival_s;
@@ -174,7 +160,7 @@ class Maker {
     if (candidates.empty()) {
       result.cause = fmt::format(
           "none of {} motions is safe for the model, which has to rest where it began; give more "
-          "--duration, or a task that begins in another pose",
+          "--duration-s, or a task that begins in another pose",
           result.tried);
       return result;
     }

@@ -6,52 +6,16 @@
 #include <cmath>
 
 #include "common/core/functions.h"
+#include "common/files/markup.h"
+#include "offline/studies/plain_page.h"
 
 namespace tumbler {
 namespace {
 
-constexpr const char* kPageHead = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Identified robot</title><style>
-:root { color-scheme: light; --paper: #fff; --ink: #1c2330; --dim: #5d6778; --line: #c8cfda; --bar: #2a7fb8; --warn: #b2182b; --empty: #f1f3f6; }
-@media screen and (prefers-color-scheme: dark) {
-  :root { color-scheme: dark; --paper: #13161a; --ink: #e8e9ea; --dim: #9ba3ac; --line: #2d333a; --bar: #5aa9ee; --warn: #ff7b6e; --empty: #1f242a; }
-}
-body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2rem auto;
-  max-width: 62rem; padding: 0 1rem; overflow-wrap: break-word; }
-h1 { font-size: 1.5rem; margin: 0 0 .2rem; } h2 { font-size: 1.1rem; margin: 1.8rem 0 .4rem; }
-p { margin: .3rem 0; } table { border-collapse: collapse; } .scroll { overflow-x: auto; }
-td, th { padding: .15rem .8rem .15rem 0; text-align: left; vertical-align: top; }
-td.n { text-align: right; white-space: nowrap; } .dim { color: var(--dim); } .warn { color: var(--warn); }
-svg { display: block; width: 100%; height: 110px; background: var(--empty); break-inside: avoid; }
+constexpr const char* kStyle = R"(.scroll { overflow-x: auto; } .warn { color: var(--warn); }
+svg { height: 110px; background: var(--empty); }
 svg path { fill: none; stroke: var(--bar); stroke-width: 1; vector-effect: non-scaling-stroke; }
-svg line { stroke: var(--line); vector-effect: non-scaling-stroke; }
-@media print { body { margin: 0; max-width: none; padding: 0; font-size: 12px; } }
-</style></head><body>
-)";
-
-std::string ForHtml(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
+svg line { stroke: var(--line); vector-effect: non-scaling-stroke; })";
 
 /// The residuals of a joint over time, within 5 units of the noise.
 std::string Curve(const FitResiduals& record, std::size_t joint) {
@@ -78,7 +42,7 @@ std::string Curve(const FitResiduals& record, std::size_t joint) {
 
 void AddResiduals(std::string& page, std::span<const FitResiduals> records) {
   for (const FitResiduals& record : records) {
-    page += fmt::format("<p>{}: chi {:.3g}</p>\n", ForHtml(record.record), record.chi);
+    page += fmt::format("<p>{}: chi {:.3g}</p>\n", MarkupText(record.record), record.chi);
     for (std::size_t j = 0; j < record.of_joint.size(); ++j) {
       page += fmt::format(
           "<p class=\"dim\">joint {}: chi {:.3g}; from {:.3g} to {:.3g} s after the motion began; "
@@ -112,8 +76,8 @@ void AddCorrelations(std::string& page, const RobotPosterior& robot) {
   constexpr std::size_t kShown = 12;
   for (std::size_t p = 0; p < std::min(kShown, pairs.size()); ++p) {
     page += fmt::format("<tr><td>{}</td><td>{}</td><td class=\"n\">{:+.2f}</td></tr>\n",
-                        ForHtml(NameOf(robot.quantities[pairs[p].i])),
-                        ForHtml(NameOf(robot.quantities[pairs[p].k])), pairs[p].correlation);
+                        MarkupText(NameOf(robot.quantities[pairs[p].i])),
+                        MarkupText(NameOf(robot.quantities[pairs[p].k])), pairs[p].correlation);
   }
   page += "</table>\n";
 }
@@ -122,7 +86,8 @@ void AddCorrelations(std::string& page, const RobotPosterior& robot) {
 
 std::string IdentifyPage(const FitOutcome& fit, const FitSettings& settings,
                          std::span<const FitResiduals> held_out) {
-  std::string page = kPageHead;
+  std::string page = PlainPageHead("Identified robot", "--bar: #2a7fb8; --warn: #b2182b;",
+                                   "--bar: #5aa9ee; --warn: #ff7b6e;", kStyle);
   page += "<h1>Identified robot</h1>\n";
   page += fmt::format("<p>chi {:.3g}, limit {:.3g}</p>\n", fit.chi, settings.chi_max);
   if (fit.effective) {
@@ -148,7 +113,7 @@ std::string IdentifyPage(const FitOutcome& fit, const FitSettings& settings,
         "<tr><td>{}</td><td class=\"n\">{:.5g}</td><td class=\"n\">{:.5g} ... "
         "{:.5g}</td><td>{}</td>"
         "<td class=\"n\">{:.1f} %</td><td class=\"dim\">{}</td></tr>\n",
-        ForHtml(NameOf(quantity)), fit.posterior.ValueOf(i),
+        MarkupText(NameOf(quantity)), fit.posterior.ValueOf(i),
         ValueOfCoordinate(quantity.kind, mean - half),
         ValueOfCoordinate(quantity.kind, mean + half), facts.unit, 100 * fit.ShareLeft(i),
         fit.Identifiable(i) ? "" : "not identifiable from these records");

@@ -213,7 +213,6 @@ class Fitter {
  private:
   /// @returns whether another step may gain something.
   bool Step(VectorXd& u, double noise, Found& found) {
-    const bool last = noise <= 1;
     const MatrixXd J = objective_.Derivatives(u, settings_.per_tick_rough);
     if (found.u.size() == 0) {
       found.u = u;
@@ -259,7 +258,6 @@ class Fitter {
     found.u = u;
     found.residuals = residuals.col(ToIndex(which));
     found.value = objective_.ValueOf(found.residuals, u, 1);
-    static_cast<void>(last);
     return before - best > kGain * before;
   }
 
@@ -324,8 +322,7 @@ void Refine(Objective& objective, const MatrixXd& J, const FitSettings& settings
 
 /// The covariance of the variables about a solution.
 /// @param J  derivatives there.
-MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found,
-                  const FitSettings& settings) {
+MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found) {
   const Eigen::Index n = J.cols();
   const MatrixXd A = J.transpose() * J + objective.precision();
   MatrixXd meat = objective.precision();
@@ -356,7 +353,7 @@ MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found,
     covariance.row(i) *= larger;
     covariance.col(i) *= larger;
   }
-  return 0.5 * (covariance + covariance.transpose()) * settings.widening * settings.widening;
+  return 0.5 * (covariance + covariance.transpose());
 }
 
 }  // namespace
@@ -410,7 +407,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const RobotPosterio
   outcome.records = Split(objective, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
-  const MatrixXd of_variables = Sandwich(objective, J, best, settings);
+  const MatrixXd of_variables = Sandwich(objective, J, best);
   const std::size_t n = prior.size();
   const std::vector<double>& deviations = objective.deviations();
   outcome.posterior.quantities = prior.quantities;

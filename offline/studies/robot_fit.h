@@ -27,9 +27,6 @@ struct FitSettings {
   /// Root mean square of the residuals, in units of their noise, above which a fit does not explain
   /// its records.
   double chi_max = 1.0;
-  /// Standard deviations are multiplied by this, so that intervals cover what they promise
-  /// (docs/identify.md has the measurement).
-  double widening = 1.0;
   /// Total mass, as weighed [kg]; 0: it was not. Then forces are taken for what drives say.
   double weight_kg = 0;
   /// Standard deviation of the scale's logarithm.

@@ -7,6 +7,8 @@
 #include <optional>
 #include <vector>
 
+#include "common/files/markup.h"
+#include "offline/studies/plain_page.h"
 #include "offline/studies/spread_names.h"
 
 namespace tumbler {
@@ -16,55 +18,24 @@ using Verdict = TrialOutcome::Verdict;
 
 // Drawings are as wide as the window: what is drawn has its place across in per cent and its size
 // in pixels, so that texts stay readable in a narrow one.
-constexpr const char* kHead = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{0}</title><style>
-:root {{ color-scheme: light; --paper: #fff; --ink: #1c2330; --dim: #5d6778; --line: #c8cfda; --empty: #f1f3f6; --lost: #d6604d;
-  --stands: #2a7fb8; --amiss: #b97a00; --fell: #b2182b; --overlap: #7b3294; --fault: #1c2330; --got-up: #268453; --not-judged: #6b7485; }}
-@media screen and (prefers-color-scheme: dark) {{
-  :root {{ color-scheme: dark; --paper: #13161a; --ink: #e8e9ea; --dim: #9ba3ac; --line: #2d333a; --empty: #1f242a; --lost: #8f3022;
-    --stands: #5aa9ee; --amiss: #e6a83a; --fell: #ff7b6e; --overlap: #c785d8; --fault: #e8e9ea; --got-up: #35c496; --not-judged: #9aa3b2; }}
-}}
-body {{ font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2rem auto;
-  max-width: 62rem; padding: 0 1rem; overflow-wrap: break-word; }}
-h1 {{ font-size: 1.5rem; margin: 0 0 .2rem; }} h2 {{ font-size: 1.1rem; margin: 1.8rem 0 .4rem; }}
-h2, h2 + p, h2 + p + p {{ break-after: avoid; }}
-p {{ margin: .3rem 0; }} table {{ border-collapse: collapse; }}
-td, th {{ padding: .15rem .8rem .15rem 0; text-align: left; vertical-align: top; }}
-td.n {{ text-align: right; white-space: nowrap; }}
-td.name {{ min-width: 6em; overflow-wrap: anywhere; }} td.verdict {{ white-space: nowrap; }}
-.share {{ font-size: 2.2rem; font-weight: 600; }} .dim {{ color: var(--dim); }}
-.stands {{ color: var(--stands); }} .amiss {{ color: var(--amiss); }} .fell {{ color: var(--fell); }}
-.overlap {{ color: var(--overlap); }} .fault {{ color: var(--fault); }} .got-up {{ color: var(--got-up); }} .not-judged {{ color: var(--not-judged); }}
-svg {{ display: block; width: 100%; break-inside: avoid; -webkit-print-color-adjust: exact; print-color-adjust: exact; }}
-svg text {{ font: 12px system-ui, sans-serif; fill: var(--ink); }}
-svg line {{ stroke: currentColor; stroke-width: 1.6px; opacity: 0.7; }}
-svg line.axis {{ stroke: var(--line); opacity: 1; }}
-svg circle {{ fill: currentColor; }}
-svg rect {{ stroke: var(--paper); fill: var(--empty); }} svg rect.lost {{ fill: var(--lost); }}
-.map {{ max-width: 640px; }} .map .cell {{ font-size: 11px; }}
-@media (max-width: 560px) {{ .map .cell {{ font-size: 10px; }} .map circle {{ r: 2px; }} }}
-@media print {{ body {{ margin: 0; max-width: none; padding: 0; font-size: 12px; }} }}
-</style></head><body>
-)";
-
-std::string Escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&') {
-      out += "&amp;";
-    } else if (c == '<') {
-      out += "&lt;";
-    } else if (c == '>') {
-      out += "&gt;";
-    } else if (c == '"') {
-      out += "&quot;";
-    } else {
-      out += c;
-    }
-  }
-  return out;
-}
+constexpr const char* kByDay =
+    "--lost: #d6604d; --stands: #2a7fb8; --amiss: #b97a00; --fell: #b2182b; --overlap: #7b3294; "
+    "--fault: #1c2330; --got-up: #268453; --not-judged: #6b7485;";
+constexpr const char* kByNight =
+    "--lost: #8f3022; --stands: #5aa9ee; --amiss: #e6a83a; --fell: #ff7b6e; --overlap: #c785d8; "
+    "--fault: #e8e9ea; --got-up: #35c496; --not-judged: #9aa3b2;";
+constexpr const char* kStyle =
+    R"(td.name { min-width: 6em; overflow-wrap: anywhere; } td.verdict { white-space: nowrap; }
+.share { font-size: 2.2rem; font-weight: 600; }
+.stands { color: var(--stands); } .amiss { color: var(--amiss); } .fell { color: var(--fell); }
+.overlap { color: var(--overlap); } .fault { color: var(--fault); } .got-up { color: var(--got-up); } .not-judged { color: var(--not-judged); }
+svg text { font: 12px system-ui, sans-serif; fill: var(--ink); }
+svg line { stroke: currentColor; stroke-width: 1.6px; opacity: 0.7; }
+svg line.axis { stroke: var(--line); opacity: 1; }
+svg circle { fill: currentColor; }
+svg rect { stroke: var(--paper); fill: var(--empty); } svg rect.lost { fill: var(--lost); }
+.map { max-width: 640px; } .map .cell { font-size: 11px; }
+@media (max-width: 560px) { .map .cell { font-size: 10px; } .map circle { r: 2px; } })";
 
 /// The class of what is drawn of a robot, which gives its colour.
 const char* ClassOf(Verdict verdict) {
@@ -137,7 +108,7 @@ std::string Where(const RobustnessResult& result) {
     text += fmt::format(
         "<text x=\"0\" y=\"{:.0f}\">{}: {} left, {} kept to it</text><line class=axis "
         "x1=\"{:.0f}%\" x2=\"{:.0f}%\" y1=\"{:.0f}\" y2=\"{:.0f}\"/>\n",
-        y + 14, Escaped(d.in), d.left, d.others, kLeft, kLeft + kWidth, y + 40, y + 40);
+        y + 14, MarkupText(d.in), d.left, d.others, kLeft, kLeft + kWidth, y + 40, y + 40);
     for (const TrialOutcome& trial : result.trials) {
       if (!trial.fails() || trial.left_s < 0 || trial.in != d.in) continue;
       const double x = kLeft + kWidth * trial.left_s / last_s;
@@ -171,7 +142,7 @@ std::string InfluenceTable(const RobustnessResult& result,
     text += fmt::format(
         "<tr><td class=name>{}</td><td class=n>{:+.2f}</td><td class=n>{:+.0f} %</td><td "
         "class=dim>{}</td></tr>\n",
-        Escaped(i.name), i.mean_sigma, 100 * i.excess, i.telling() ? "" : "may be chance");
+        MarkupText(i.name), i.mean_sigma, 100 * i.excess, i.telling() ? "" : "may be chance");
   }
   return text + "</table>\n";
 }
@@ -191,7 +162,7 @@ std::string Map(const RobustnessResult& result, const std::vector<Influence>& in
       "robots are as asked. Everything else is random. The outer cells have all that is "
       "beyond.</p>\n"
       "<p class=dim>Up: {} [{}]</p>\n<svg class=map height=\"{:.0f}\" role=\"img\">\n",
-      Escaped(map->y), UnitOfDepartures(result.study), bottom + 54);
+      MarkupText(map->y), UnitOfDepartures(result.study), bottom + 54);
   for (int row = 0; row < kCells; ++row) {
     for (int column = 0; column < kCells; ++column) {
       const SuccessMap::Cell& cell = cell_at(row, column);
@@ -242,7 +213,8 @@ std::string Map(const RobustnessResult& result, const std::vector<Influence>& in
   }
   text += fmt::format(
       "<text x=\"{:.2f}%\" y=\"{:.0f}\" text-anchor=\"middle\">{} [{}]</text>\n</svg>\n",
-      kLeft + kColumn * kCells / 2, bottom + 40, Escaped(map->x), UnitOfDepartures(result.study));
+      kLeft + kColumn * kCells / 2, bottom + 40, MarkupText(map->x),
+      UnitOfDepartures(result.study));
   return text;
 }
 
@@ -260,9 +232,9 @@ std::string SpreadsText(const RobustnessResult& result) {
 
 std::string RobustnessPage(const RobustnessResult& result) {
   const Share share = result.stands();
-  const std::string title = Escaped(result.name) + ": robots that are not the model";
-  std::string page = fmt::format(fmt::runtime(kHead), title);
-  page += fmt::format("<h1>{}</h1>\n", title);
+  const std::string title = result.name + ": robots that are not the model";
+  std::string page = PlainPageHead(title, kByDay, kByNight, kStyle);
+  page += fmt::format("<h1>{}</h1>\n", MarkupText(title));
   if (share.of == 0) {
     page += "<p class=share>not judged</p>\n";
   } else {
@@ -274,7 +246,7 @@ std::string RobustnessPage(const RobustnessResult& result) {
         100 * share.low, 100 * share.high);
   }
   if (const std::string not_judged = NotJudgedText(result); !not_judged.empty())
-    page += fmt::format("<p>{}.</p>\n", Escaped(not_judged));
+    page += fmt::format("<p>{}.</p>\n", MarkupText(not_judged));
   if (result.study.run.get_ups > 0 && share.of > 0) {
     const Share ends = result.ends();
     page += fmt::format(
@@ -283,7 +255,7 @@ std::string RobustnessPage(const RobustnessResult& result) {
         ends.count, 100 * ends.value(), 100 * ends.low, 100 * ends.high);
   }
   page += fmt::format(
-      "<p class=dim>{}; {}spreads: {}{}; seed {}{}{}</p>\n", Escaped(result.study.motion),
+      "<p class=dim>{}; {}spreads: {}{}; seed {}{}{}</p>\n", MarkupText(result.study.motion),
       result.study.lanes ? "played in lanes; " : "played in the twin; ", SpreadsText(result),
       result.study.scale == 1 ? "" : fmt::format(", times {:.6g}", result.study.scale),
       result.study.seed,

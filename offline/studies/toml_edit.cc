@@ -4,6 +4,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
@@ -74,6 +75,18 @@ std::size_t PlaceOf(std::string_view text, toml::source_position at) {
 double NumberAt(const std::string& text, const std::string& name, const std::string& path) {
   const toml::table root = ParsedToml(text, name);
   return NumberNode(root, name, path).value_or(0.0);
+}
+
+std::string WithOnly(const std::string& text, const std::string& name,
+                     std::span<const std::string_view> keys) {
+  const toml::table given = ParsedToml(text, name);
+  toml::table kept;
+  for (const std::string_view key : keys) {
+    if (const toml::node* node = given.get(key)) kept.insert(key, *node);
+  }
+  std::ostringstream out;
+  out << kept << '\n';
+  return out.str();
 }
 
 std::string WithNumber(const std::string& text, const std::string& name, const std::string& path,

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <span>
 #include <string>
+#include <string_view>
 
 namespace tumbler {
 
@@ -13,6 +15,12 @@ namespace tumbler {
 /// @throws FileError  when the text is not TOML, or has no number there.
 std::string WithNumber(const std::string& text, const std::string& name, const std::string& path,
                        double value);
+
+/// A TOML text with these of its top-level keys and tables only. Comments go, and so does the
+/// order.
+/// @throws FileError  when the text is not TOML.
+std::string WithOnly(const std::string& text, const std::string& name,
+                     std::span<const std::string_view> keys);
 
 /// The number of a TOML text. The same parameters and errors.
 double NumberAt(const std::string& text, const std::string& name, const std::string& path);

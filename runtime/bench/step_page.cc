@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "common/files/markup.h"
+
 namespace tumbler {
 namespace {
 
@@ -13,26 +15,6 @@ constexpr double kLeft = 13, kWidth = 83;   // per cent
 constexpr double kCurveWidth = 1000;        // units of the curve's drawing
 constexpr double kTop = 16, kHeight = 200;  // pixels
 constexpr double kWithTexts = kTop + kHeight + 32;
-
-std::string Escaped(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '&':
-        escaped += "&amp;";
-        break;
-      default:
-        escaped += c;
-    }
-  }
-  return escaped;
-}
 
 std::string Drawing(const NamedStep& step) {
   const StepResult& result = step.result;
@@ -101,7 +83,7 @@ to be.</p>
         "<h2>{}</h2>\n<p>kp {} N m/rad, kd {} N m s/rad: rise {}, overshoot {:.0f} %, settled "
         "after "
         "{:.0f} ms, {:.4f} rad remain.</p>\n{}",
-        Escaped(step.name), step.config.kp_nm_per_rad, step.config.kd_nm_s_per_rad, rise,
+        MarkupText(step.name), step.config.kp_nm_per_rad, step.config.kd_nm_s_per_rad, rise,
         100 * result.overshoot, 1e3 * result.settling_s, result.remaining_rad, Drawing(step));
   }
   return page + "</body></html>\n";

@@ -62,7 +62,7 @@ ExitStatus Main(int argc, char** argv) {
   std::vector<std::string> motions;
   std::string drives;
   int robots = 20, first = 0;
-  double torque = 1, filter_s = 0, lag_s = 0, weight = 0, widening = 1;
+  double torque = 1, filter_s = 0, lag_s = 0, weight = 0;
   std::string task, guess;
   double scale = 1;
   std::optional<std::uint64_t> seed;
@@ -75,7 +75,6 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--velocity-filter-s", filter_s, "of all drives").Within(0.0, 0.1);
   line.Option("--torque-lag-s", lag_s, "of all drives").Within(0.0, 0.1);
   line.Option("--weigh", weight, "1: the robot is weighed").Within(0.0, 1.0);
-  line.Option("--widening", widening, "of deviations").Within(0.1, 10.0);
   line.Option("--scale", scale, "of what robots differ by").Within(0.0, 10.0);
   line.Option("--task", task, "of a motion that is found anew for robots on which it fails");
   line.Option("--guess", guess, "that motion");
@@ -115,7 +114,6 @@ ExitStatus Main(int argc, char** argv) {
     }
     const double start = CpuSeconds();
     FitSettings settings;
-    settings.widening = widening;
     const Scene varied = Varied(runs.front().scene(), robot.variation);
     if (weight > 0)
       for (const auto& dof : varied.robot.tree.dofs) settings.weight_kg += dof.mass_kg;

@@ -39,7 +39,9 @@ const Solved& TheSolution() {
 TEST(CheckGradient, FindsTheRolloutsGradientRightAtEveryStep) {
   const Solved& s = TheSolution();
   for (const double error : CheckGradient(s.task.problem, s.best.x).errors) EXPECT_LT(error, 1e-3);
-  EXPECT_LT(CheckGradient(s.task.problem, s.best.x).relative_error(), 1e-4);
+  // What is left is the differences' own: curvature of contact at the longest step, rounding at the
+  // shortest.
+  EXPECT_LT(CheckGradient(s.task.problem, s.best.x).relative_error(), 3e-5);
 }
 
 TEST(CompareGradient, SeesAWrongGradient) {

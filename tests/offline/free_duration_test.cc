@@ -352,7 +352,7 @@ TEST(FreeDuration, ThatOfAPendulumIsWhatGravityAndAnotherMethodSay) {
     for (int i = 1; i <= points - 6; ++i) start.push_back(0.1 * i / (points - 5) - 0.05);
     start.push_back(1);
     NearRollouts rollouts(problem);
-    const Solution solution = SolveNear(problem, start, 300, 0, rollouts, {}, nullptr);
+    const Solution solution = SolveNear(problem, start, {300, 0}, rollouts, {}, nullptr);
     EXPECT_EQ(solution.end, SolveEnd::kConverged);
     // The duration of the least effort by golden section.
     double low = 0.5, high = 1.5;
@@ -379,7 +379,7 @@ TEST(FreeDuration, HasTheBoundsOfTheTaskForItsLimits) {
   problem.duration_s = 0.4;
   NearRollouts rollouts(problem);
   const Solution solution =
-      SolveNear(problem, std::vector<double>{-0.02, 0, 0.02, 1}, 300, 0, rollouts, {}, nullptr);
+      SolveNear(problem, std::vector<double>{-0.02, 0, 0.02, 1}, {300, 0}, rollouts, {}, nullptr);
   EXPECT_EQ(solution.end, SolveEnd::kConverged);
   EXPECT_NEAR(problem.duration_of(solution.x), 0.5, 1e-9);
   ASSERT_EQ(solution.kkt.multipliers.size(), 1U);
@@ -399,7 +399,7 @@ TEST(FreeDuration, NeighboursOfTheOneThatWasFoundAreNoBetterForAHandstand) {
   std::vector<double> x = GuessFrom(problem, file, "handstand.toml");
   const auto solve = [](const Problem& of, const std::vector<double>& from) {
     NearRollouts rollouts(of);
-    return SolveNear(of, from, 400, 0, rollouts, {}, nullptr);
+    return SolveNear(of, from, {400, 0}, rollouts, {}, nullptr);
   };
   Solution best = solve(problem, x);
   ASSERT_EQ(best.end, SolveEnd::kConverged);
@@ -429,7 +429,7 @@ TEST(FreeDuration, NoMotionThatTheSolverLooksAtBreaksALimitOfVelocityOrAccelerat
   std::vector<Evaluation> history;
   NearRollouts rollouts(problem);
   const Solution solution =
-      SolveNear(problem, std::vector<double>{-0.02, 0, 0.02, 1}, 300, 0, rollouts, {}, &history);
+      SolveNear(problem, std::vector<double>{-0.02, 0, 0.02, 1}, {300, 0}, rollouts, {}, &history);
   EXPECT_EQ(solution.end, SolveEnd::kConverged);
   ASSERT_GE(history.size(), 3U);
   for (const Evaluation& evaluation : history) EXPECT_LE(evaluation.violation, 1e-9);

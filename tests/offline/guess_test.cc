@@ -364,7 +364,7 @@ TEST(SolveNear, StaysInItsBasinThoughAnotherIsNear) {
   std::vector<double> start = testing::FreeControlPoints(Known().primitive);
   for (std::size_t i = 0; i < start.size(); ++i) start[i] += i % 2 == 0 ? 2e-3 : -2e-3;
   std::vector<Evaluation> history;
-  const Solution solution = SolveNear(problem, start, 30, 1e-4, rollouts, {}, &history);
+  const Solution solution = SolveNear(problem, start, {30, 1e-4}, rollouts, {}, &history);
   EXPECT_TRUE(solution.feasible());
   EXPECT_LE(solution.rollout.cost, solution.start_cost);
   EXPECT_LT(solution.rollout.cost, 1.1 * Known().provenance.objective);
@@ -376,8 +376,8 @@ TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
   const Problem problem =
       KnownTask("acceleration_max_rad_s2 = 400.0", "acceleration_max_rad_s2 = 80.0").problem;
   NearRollouts rollouts(problem);
-  const Solution solution = SolveNear(problem, testing::FreeControlPoints(Known().primitive), 20,
-                                      1e-3, rollouts, {}, nullptr);
+  const Solution solution = SolveNear(problem, testing::FreeControlPoints(Known().primitive),
+                                      {20, 1e-3}, rollouts, {}, nullptr);
   double largest_before = 0;
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const Extent before = ExtentOf(Known().primitive.joints[j].position, 2);
@@ -395,7 +395,7 @@ TEST(SolveNear, ThatEndsOnItsBudgetOnTheWayHandsOverAMotionWithinItsLimits) {
   const std::vector<double> start = GuessFrom(problem, Known(), "known.toml");
   NearRollouts rollouts(problem);
   for (const int budget : {9, 12, 20, 40, 60, 90, 120}) {
-    const Solution solution = SolveNear(problem, start, budget, 0, rollouts, {}, nullptr);
+    const Solution solution = SolveNear(problem, start, {budget, 0}, rollouts, {}, nullptr);
     EXPECT_EQ(solution.end, SolveEnd::kEvaluations) << budget;
     EXPECT_TRUE(solution.feasible())
         << budget << ": " << solution.worst_constraint << " by " << solution.constraint_violation;

@@ -70,7 +70,7 @@ Solution NearTo(Problem problem, const std::vector<double>& x) {
   problem.solver.tolerance = 1e-10;
   problem.solver.kkt_residual = 1e-4;
   NearRollouts rollouts(problem);
-  return SolveNear(problem, x, 400, 0, rollouts, {}, nullptr);
+  return SolveNear(problem, x, {400, 0}, rollouts, {}, nullptr);
 }
 
 TEST(Multiplier, IsWhatTheCostFallsByWhenItsLimitYields) {

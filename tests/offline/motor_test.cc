@@ -238,7 +238,6 @@ struct Played {
 };
 Played PlayInTwin(const Problem& problem, const std::vector<double>& x, const TwinConfig& given) {
   TwinConfig config = given;
-  config.steps = TwinConfig::Steps::kFixed;  // as short as the drive that follows a path is stiff
   config.step_ns = 5'000;
   config.held = false;
   const JointMotion<double>::Spline path = PositionSpline(problem, x, 0);

@@ -364,7 +364,6 @@ TEST(Passive, TheTwinsSpringSwingsAsThePlans) {
   const std::vector<double> x = RandomMotion(problem, 2, 0.6);
   const auto path = PositionSpline(problem, x, 0);
   TwinConfig config;
-  config.steps = TwinConfig::Steps::kFixed;
   config.step_ns = 5'000;
   config.held = false;
   SimulatedMotorConfig motor;
@@ -481,7 +480,6 @@ double LowestWristInTwin(const Problem& problem, const TwinConfig& config) {
 TEST(Passive, InTheTwinAStopHoldsAJointWithinItsLimits) {
   const auto lowest_of = [](const std::string& robot) {
     TwinConfig config;
-    config.steps = TwinConfig::Steps::kFixed;
     config.step_ns = 5'000;
     config.held = false;
     return LowestWristInTwin(ParseTask(kPendulumTask, "task.toml", robot, "pendulum.urdf").problem,

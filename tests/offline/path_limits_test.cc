@@ -221,7 +221,7 @@ TEST_P(PathLimit, ThatBindsIsReachedByThePath) {
   const Problem problem = HandstandTask(fmt::format("{} = {}\n", key, part * most)).problem;
   NearRollouts rollouts(problem);
   const Solution solution = SolveNear(problem, testing::FreeControlPoints(Handstand().primitive),
-                                      100, 0, rollouts, {}, nullptr);
+                                      {100, 0}, rollouts, {}, nullptr);
   EXPECT_TRUE(solution.feasible()) << solution.worst_constraint;
   EXPECT_THAT(solution.kkt.multipliers, Contains(Field(&Multiplier::name, name)));
   const Interval<double> limit = LimitsOf(problem.joints[joint].limits)[derivative];

@@ -159,6 +159,24 @@ TEST(Tumbler, SaysWhereCommandsAreThatHadANameOfTheirOwn) {
   }
 }
 
+TEST(Tumbler, ACommandSaysWhoseItsMessagesAre) {
+  for (const std::vector<std::string>& command :
+       std::vector<std::vector<std::string>>{{"chain", "check", "absent.toml"},
+                                             {"export", "absent.toml", "--header", "-"},
+                                             {"identify", "fit", "absent.rec"},
+                                             {"model", "check", "absent.urdf"},
+                                             {"optimize", "absent.toml"},
+                                             {"record", "absent.rec"},
+                                             {"robustness", "absent.toml"}}) {
+    std::vector<std::string> all = {"tumbler"};
+    all.insert(all.end(), command.begin(), command.end());
+    const Outcome outcome = RunProgram(all);
+    EXPECT_EQ(outcome.exit_code, 1) << command.front();
+    EXPECT_THAT(outcome.text, HasSubstr("tumbler " + command.front() + ": ")) << command.front();
+    EXPECT_THAT(outcome.text, HasSubstr("absent")) << command.front();
+  }
+}
+
 TEST(Tumbler, APageThatIsWrittenHasNoAddress) {
   for (const std::string option : {"--port=1", "--bind=::1"}) {
     const Outcome outcome = RunProgram({"tumbler", "view", "run.rec", "--out", "page", option});
