@@ -225,6 +225,17 @@ inline constexpr auto kPassivePoseKeys = std::array{
         .Default("none"),
 };
 
+/// Of a robot in space.
+inline constexpr auto kSpacePoseKeys = std::array{
+    KeyOf<&PrimitivePose::root_y_m>("root_y_m", "in space: of the root link's frame")
+        .Default("in the plane"),
+    KeyOf<&PrimitivePose::root_quaternion>("root_quaternion",
+                                           "in space: how the root link's frame is turned in the "
+                                           "world, w, x, y, z; `root_pitch_rad` is "
+                                           "0 then")
+        .Default("in the plane")
+        .Allowed("a unit quaternion"),
+};
 /// Of a root that moves there.
 inline constexpr std::array kPoseRateKeys = {
     KeyOf<&PrimitivePose::root_x_m_s>("root_x_m_s",
@@ -270,6 +281,13 @@ inline constexpr auto kPurposeKeys = AllRequired(std::array{
 inline constexpr auto kPurposeTimeKeys = AllRequired(std::array{
     KeyOf<&PurposeTarget::time_s, PurposeFigure>("time_s", Range::Positive(),
                                                  "since the start of the motion; of `time` only"),
+});
+/// Keys of a target in space.
+inline constexpr auto kPurposeSpaceKeys = AllRequired(std::array{
+    KeyOf<&PurposeTarget::link, PurposeFigure>("link", "that it is of; in space, likewise"),
+    KeyOf<&PurposeTarget::in_space, PurposeFigure>(
+        "in_space", "the point [m] or the axis, in the link's frame; likewise"),
+    KeyOf<&PurposeTarget::along, PurposeFigure>("along", "a direction of the world; likewise"),
 });
 /// Keys of a target of a point.
 inline constexpr auto kPurposePointKeys = AllRequired(std::array{

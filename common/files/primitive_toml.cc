@@ -340,9 +340,18 @@ void ReadAborts(TomlTable& root, PrimitiveFile& file) {
   }
 }
 
+void CheckQuaternion(TomlTable& table, const PrimitivePose& pose) {
+  double square = 0;
+  for (const double part : pose.root_quaternion) square += part * part;
+  if (std::abs(square - 1) <= 1e-9) return;
+  table.Fail("root_quaternion", fmt::format("has the length {}; allowed: 1", std::sqrt(square)));
+}
+
 PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool at_end) {
   PrimitivePose pose;
   ReadKeys(table, kPoseKeys, pose);
+  ReadKeys(table, kSpacePoseKeys, pose);
+  if (pose.is_in_space()) CheckQuaternion(table, pose);
   ReadKeys(table, kPoseRateKeys, pose);
   ReadKeys(table, kPassivePoseKeys, pose);
   const auto joints = static_cast<std::size_t>(primitive.joint_count);
@@ -383,6 +392,7 @@ PurposeFigure ReadPurpose(TomlTable& table) {
   PurposeFigure figure;
   ReadKeys(table, kPurposeKeys, figure);
   if (figure.at_time()) ReadKeys(table, kPurposeTimeKeys, figure);
+  if (figure.is_in_space()) ReadKeys(table, kPurposeSpaceKeys, figure);
   if (figure.of_point()) ReadKeys(table, kPurposePointKeys, figure);
   // A motion that misses its purpose is never written.
   if (!figure.met()) {

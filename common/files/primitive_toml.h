@@ -33,6 +33,11 @@ struct PrimitivePose {
   [[nodiscard]] bool root_moves() const {
     return root_x_m_s != 0 || root_z_m_s != 0 || root_pitch_rad_s != 0;
   }
+  /// In space: the root's y, and how its frame is turned in the world, as the unit quaternion w, x,
+  /// y, z. Its pitch is 0 then. All 0 in the plane.
+  double root_y_m = 0;
+  std::array<double, 4> root_quaternion{};
+  [[nodiscard]] bool is_in_space() const { return root_quaternion != std::array<double, 4>{}; }
   /// Of the joints that have no motor, in the order of the robot's file; empty where each has one.
   std::vector<double> passive_positions_rad = {};
 };

@@ -101,6 +101,7 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
 void WritePose(TomlWriter& writer, const char* header, const PrimitivePose& pose) {
   writer.Line(header);
   WriteKeys(writer, kPoseKeys, pose);
+  if (pose.is_in_space()) WriteKeys(writer, kSpacePoseKeys, pose);
   if (pose.root_moves()) WriteKeys(writer, kPoseRateKeys, pose);
   if (!pose.passive_positions_rad.empty()) WriteKeys(writer, kPassivePoseKeys, pose);
 }
@@ -135,6 +136,7 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
     writer.Line("\n[[purpose]]");
     WriteKeys(writer, kPurposeKeys, figure);
     if (figure.at_time()) WriteKeys(writer, kPurposeTimeKeys, figure);
+    if (figure.is_in_space()) WriteKeys(writer, kPurposeSpaceKeys, figure);
     if (figure.of_point()) WriteKeys(writer, kPurposePointKeys, figure);
   }
   writer.Line("\n[certificate]");

@@ -12,6 +12,19 @@ std::string PurposeTarget::NameAfter(double later_s) const {
   std::string text(kOfNames[static_cast<std::size_t>(of)]);
   if (of == Of::kSpeed) text = "speed of the root";
   if (of_point()) text += fmt::format(" of {} at ({:.6g}, {:.6g})", link, point_m[0], point_m[1]);
+  if (is_in_space()) {
+    text += fmt::format(" of {}", link);
+    if (of == Of::kMisalignment) {
+      text +=
+          fmt::format("'s ({:.6g}, {:.6g}, {:.6g}) with", in_space[0], in_space[1], in_space[2]);
+    } else if (of == Of::kAngularVelocity) {
+      text += " about";
+    } else {
+      text +=
+          fmt::format(" at ({:.6g}, {:.6g}, {:.6g}) along", in_space[0], in_space[1], in_space[2]);
+    }
+    text += fmt::format(" ({:.6g}, {:.6g}, {:.6g})", along[0], along[1], along[2]);
+  }
   switch (when) {
     case When::kEnd:
       return text + ", at the end";
@@ -26,8 +39,8 @@ std::string PurposeTarget::NameAfter(double later_s) const {
 }
 
 const char* PurposeTarget::unit() const {
-  constexpr std::array kUnits = {"m",          "m", "rad", "m/s", "m/s", "rad/s",
-                                 "m/s, rad/s", "m", "m",   "m/s", "m/s"};
+  constexpr std::array kUnits = {"m", "m",   "rad", "m/s", "m/s", "rad/s", "m/s, rad/s", "m",
+                                 "m", "m/s", "m/s", "m",   "m/s", "rad/s", "rad"};
   return kUnits[static_cast<std::size_t>(of)];
 }
 

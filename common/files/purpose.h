@@ -28,6 +28,11 @@ struct PurposeTarget {
     kPointZ,
     kPointXRate,
     kPointZRate,
+    // Of a link in space, along a direction of the world (`along`).
+    kPosition,         ///< Of the link's point `in_space`.
+    kVelocity,         ///< Likewise.
+    kAngularVelocity,  ///< Of the link.
+    kMisalignment,     ///< Of the link's axis `in_space` with `along`: 2 sin(angle / 2).
   };
   enum class When : std::uint8_t {
     kEnd,      ///< At the end of the motion.
@@ -36,9 +41,21 @@ struct PurposeTarget {
     kTime,     ///< At `time_s`.
   };
   /// Their names in files, in their order.
-  static constexpr std::array<std::string_view, 11> kOfNames = {
-      "x",     "z",       "pitch",   "x_rate",       "z_rate",      "pitch_rate",
-      "speed", "point_x", "point_z", "point_x_rate", "point_z_rate"};
+  static constexpr std::array<std::string_view, 15> kOfNames = {"x",
+                                                                "z",
+                                                                "pitch",
+                                                                "x_rate",
+                                                                "z_rate",
+                                                                "pitch_rate",
+                                                                "speed",
+                                                                "point_x",
+                                                                "point_z",
+                                                                "point_x_rate",
+                                                                "point_z_rate",
+                                                                "position",
+                                                                "velocity",
+                                                                "angular_velocity",
+                                                                "misalignment"};
   static constexpr std::array<std::string_view, 4> kWhenNames = {"end", "settled", "later", "time"};
 
   Of of = Of::kPitch;
@@ -48,9 +65,12 @@ struct PurposeTarget {
   double time_s = 0;                ///< Since the start of the motion; of `kTime`.
   std::string link = {};            ///< That has the point; empty where there is none.
   std::array<double, 2> point_m{};  ///< x and z in the link's frame.
+  /// In space: a point [m] or an axis, in the link's frame, and a unit vector of the world.
+  std::array<double, 3> in_space{}, along{};
 
   [[nodiscard]] bool at_time() const { return when == When::kTime; }
-  [[nodiscard]] bool of_point() const { return of >= Of::kPointX; }
+  [[nodiscard]] bool of_point() const { return of >= Of::kPointX && of <= Of::kPointZRate; }
+  [[nodiscard]] bool is_in_space() const { return of >= Of::kPosition; }
   /// For people, such as "pitch, settled", "speed of the root, 2 s later", or "point_z of leg1_link
   /// at (0.2, 0), at 0.3 s".
   [[nodiscard]] std::string name() const { return NameAfter(2); }

@@ -6,6 +6,7 @@
 
 #include "offline/model/hybrid_dynamics.h"
 #include "offline/model/plane.h"
+#include "offline/model/spatial.h"
 #include "offline/model/symmetric_eigen.h"
 
 namespace tumbler {
@@ -35,22 +36,23 @@ double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double loa
   return 1 / std::max(fastest, friction);
 }
 
-double SmallestEffectiveMass(const Tree<Plane>& tree,
-                             const std::vector<ContactShape<Plane>>& shapes,
+template <class Space>
+double SmallestEffectiveMass(const Tree<Space>& tree,
+                             const std::vector<ContactShape<Space>>& shapes,
                              std::span<const double> q) {
-  using Vector = Plane::Vector;
-  constexpr int kDimension = 2;
-  HybridDynamics<Plane> dynamics(tree);
+  using Vector = typename Space::Vector;
+  constexpr int kDimension = Vector::RowsAtCompileTime;
+  HybridDynamics<Space> dynamics(tree);
   const std::vector<double> zero(tree.dofs.size());
   const auto accelerations = [&](int body, const Vector& point, const Vector& force) {
     std::vector<double> qdd = zero, tau = zero;
     dynamics.SetState(q, zero);
-    dynamics.AddWrench(body, Plane::ForceAt(point, force));
+    dynamics.AddWrench(body, Space::ForceAt(point, force));
     dynamics.Solve(qdd, tau);
     return qdd;
   };
   double largest = 0;
-  for (const ContactShape<Plane>& own : shapes) {
+  for (const ContactShape<Space>& own : shapes) {
     dynamics.SetState(q, zero);
     const Vector point =
         dynamics.position(own.body) + dynamics.rotation(own.body) * own.shape.centre;
@@ -67,5 +69,11 @@ double SmallestEffectiveMass(const Tree<Plane>& tree,
   }
   return largest > 0 ? 1 / largest : std::numeric_limits<double>::infinity();
 }
+
+template double SmallestEffectiveMass(const Tree<Plane>&, const std::vector<ContactShape<Plane>>&,
+                                      std::span<const double>);
+template double SmallestEffectiveMass(const Tree<Spatial>&,
+                                      const std::vector<ContactShape<Spatial>>&,
+                                      std::span<const double>);
 
 }  // namespace tumbler

@@ -55,9 +55,11 @@ double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double loa
 
 /// The smallest mass [kg] that a force of any direction on any of the shapes meets at positions q:
 /// the inverse of the largest eigenvalue of J M^-1 J^T at the shape's centre, over the free degrees
-/// of freedom. Infinite if none of the shapes can move freely.
-double SmallestEffectiveMass(const Tree<Plane>& tree,
-                             const std::vector<ContactShape<Plane>>& shapes,
+/// of freedom, in the root's own axes where it floats. Infinite if none of the shapes can move
+/// freely.
+template <class Space>
+double SmallestEffectiveMass(const Tree<Space>& tree,
+                             const std::vector<ContactShape<Space>>& shapes,
                              std::span<const double> q);
 
 }  // namespace tumbler

@@ -191,6 +191,17 @@ ContactShapes<Plane> PlanarContactShapes(const Robot& robot) {
   return ConvertAll<Plane>(robot, InThePlane);
 }
 
+std::optional<Shape<Spatial>> SpatialOutline(const RobotShape& shape) {
+  if (shape.kind == RobotShape::Kind::kMesh) return std::nullopt;
+  try {
+    return InSpace(shape);
+  } catch (const Unusable&) {
+    const double r = shape.radius_m;
+    return Shape<Spatial>::Box(shape.pose.translation, {shape.pose.rotation},
+                               {r, r, shape.length_m / 2});
+  }
+}
+
 std::optional<Shape<Plane>> PlanarOutline(const RobotShape& shape) {
   if (shape.kind == RobotShape::Kind::kMesh) return std::nullopt;
   return AroundInThePlane(shape);

@@ -53,6 +53,10 @@ ContactShapes<Spatial> SpatialContactShapes(const Robot& robot);
 /// boxes are ignored.
 ContactShapes<Plane> PlanarContactShapes(const Robot& robot);
 
+/// A shape in space as SpatialContactShapes has it, and of a cylinder that has none there, a box
+/// around it. Empty for meshes.
+std::optional<Shape<Spatial>> SpatialOutline(const RobotShape& shape);
+
 /// The outline of a shape in the x-z plane as PlanarContactShapes has it, and of a box or a
 /// cylinder that has none there, a rectangle around it. Empty for meshes.
 std::optional<Shape<Plane>> PlanarOutline(const RobotShape& shape);

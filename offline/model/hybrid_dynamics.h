@@ -68,6 +68,11 @@ class HybridDynamics {
   [[nodiscard]] int size() const { return n_; }
   [[nodiscard]] bool prescribed(int j) const { return joints_[j].prescribed; }
 
+  /// Puts this rotation in front of the root's own: the axes in which its angles are zero. It stays
+  /// until the next call. From the next SetState on.
+  /// @pre the first degrees of freedom are the root's translations.
+  void SetRootAxes(const Rotation& R) { bodies_[slides_ - 1].R = R; }
+
   /// Sets positions and velocities of all degrees of freedom, and forgets all wrenches.
   void SetState(std::span<const double> q, std::span<const double> qd);
 

@@ -12,6 +12,7 @@
 #include "common/files/toml_reader.h"
 #include "offline/model/planar_robot.h"
 #include "offline/problem/link_point.h"
+#include "offline/problem/space_quantity.h"
 
 namespace tumbler {
 
@@ -23,6 +24,8 @@ struct CostPoint {
   std::span<const double> qd;
   /// Torques of the actuated joints [N m]. Empty for terms at a single instant, which have none.
   std::span<const double> torque;
+  /// The axes in which the root's angles are zero, in space (RootChart). Null in the plane.
+  const SpaceMatrix* axes = nullptr;
 };
 
 /// The derivatives of the cost in everything that a CostPoint holds.
@@ -70,6 +73,8 @@ struct CostTerm {
   double time_s = 0;
   /// The point that the coordinate is of. Without one it is the root's.
   LinkPoint point = {};
+  /// What takes the place of coordinate and point in space.
+  SpaceQuantity quantity = {};
   /// Whether the task gives the target from the value at the start. A problem's `target` is
   /// absolute all the same.
   bool from_start = false;
@@ -83,6 +88,10 @@ struct CostTerm {
 
   /// The coordinate or its rate. PurposeTarget has them in the same order.
   [[nodiscard]] PurposeTarget::Of of() const {
+    if (quantity.present()) {
+      return static_cast<PurposeTarget::Of>(static_cast<int>(PurposeTarget::Of::kPosition) +
+                                            static_cast<int>(quantity.of));
+    }
     constexpr int kPoint = static_cast<int>(PurposeTarget::Of::kPointX);
     return static_cast<PurposeTarget::Of>(point.present() ? kPoint + dof + (of_velocity ? 2 : 0)
                                                           : dof + (of_velocity ? 3 : 0));
@@ -99,7 +108,8 @@ struct CostTerm {
   /// Whether this is a target of the root's pitch after the motion.
   [[nodiscard]] bool targets_pitch() const {
     constexpr int kPitch = 2;
-    return kind == Kind::kSquare && !of_velocity && dof == kPitch && when != When::kTime;
+    return kind == Kind::kSquare && !of_velocity && dof == kPitch && when != When::kTime &&
+           !quantity.present();
   }
 
   /// What a term in a coordinate is about.

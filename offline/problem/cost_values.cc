@@ -9,12 +9,15 @@
 namespace tumbler {
 
 double CostTerm::Value(const CostPoint& at) const {
+  if (quantity.present()) return quantity.Value(at.q, at.qd, *at.axes);
   if (point.present()) return point.Value(axis(), of_velocity, at.q, at.qd);
   return (of_velocity ? at.qd : at.q)[coordinate()];
 }
 
 void CostTerm::AddValueSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const {
-  if (point.present()) {
+  if (quantity.present()) {
+    quantity.AddSlopes(scale, at.q, at.qd, *at.axes, slopes.q, slopes.qd);
+  } else if (point.present()) {
     point.AddSlopes(axis(), of_velocity, scale, at.q, at.qd, slopes.q, slopes.qd);
   } else {
     (of_velocity ? slopes.qd : slopes.q)[coordinate()] += scale;

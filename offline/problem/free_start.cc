@@ -9,6 +9,12 @@
 namespace tumbler {
 namespace {
 
+/// The start as the cost sees it.
+CostPoint StartOf(const Problem& problem, const std::vector<double>& qd) {
+  const SpaceMatrix* const axes = problem.space ? &problem.space->start_orientation : nullptr;
+  return {problem.start_q, qd, {}, axes};
+}
+
 /// Velocities of all degrees of freedom at the start. Passive joints are at rest there.
 std::vector<double> StartRates(const Problem& problem) {
   std::vector<double> qd(problem.start_q.size());
@@ -22,8 +28,7 @@ std::vector<double> StartRates(const Problem& problem) {
 void SetTargetsFromStart(Problem& problem) {
   const std::vector<double> qd = StartRates(problem);
   for (CostTerm& term : problem.cost) {
-    if (term.from_start)
-      term.target = term.target_from_start + term.Value({problem.start_q, qd, {}});
+    if (term.from_start) term.target = term.target_from_start + term.Value(StartOf(problem, qd));
     if (term.targets_pitch() && term.weight > 0) problem.target_pitch_rad = term.target;
   }
 }
@@ -36,7 +41,7 @@ FreeStart::FreeStart(const Problem& problem) {
   const std::vector<double> qd = StartRates(problem);
   for (const CostTerm& term : problem.cost) {
     std::vector<double> by_q(qd.size()), by_qd(qd.size());
-    if (term.from_start) term.AddValueSlopes(1, {problem.start_q, qd, {}}, {by_q, by_qd, {}});
+    if (term.from_start) term.AddValueSlopes(1, StartOf(problem, qd), {by_q, by_qd, {}});
     for (const Rate& rate : rates_) target_slopes_.push_back(by_qd[Index(rate.dof)]);
   }
 }

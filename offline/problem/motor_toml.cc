@@ -54,31 +54,40 @@ void CheckTorqueSpeedCurve(const TomlTable& table, const std::string& joint,
                          joint, base_speed_rad_s, no_load_speed_rad_s));
 }
 
-void ReadMotors(TomlTable& root, Problem& problem) {
-  std::optional<TomlTable> all = root.OptionalTable("motor");
-  if (!all) return;
-  for (const std::string& name : all->Keys()) {
-    if (!all->IsTable(name)) continue;
-    RequireJoint(*all, name, problem);
-    if (problem.scene.robot.IsPassive(problem.scene.robot.FindDof(name)))
-      all->Fail(name, "is in [passive], so it has no motor; leave out one of the two");
+namespace {
+
+template <class SceneKind>
+void ReadMotorsOf(TomlTable& all, SceneKind& scene, Problem& problem) {
+  for (const std::string& name : all.Keys()) {
+    if (!all.IsTable(name)) continue;
+    RequireJoint(all, name, problem);
+    if (scene.robot.IsPassive(scene.robot.FindDof(name)))
+      all.Fail(name, "is in [passive], so it has no motor; leave out one of the two");
   }
-  PlanarRobot& robot = problem.scene.robot;
-  problem.scene.motors.resize(robot.joint_count());
+  auto& robot = scene.robot;
+  scene.motors.resize(robot.joint_count());
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     ActuatedJoint& joint = problem.joints[j];
-    Dof<Plane>& dof = robot.tree.dofs[Index(joint.dof)];
+    auto& dof = robot.tree.dofs[Index(joint.dof)];
     joint.motor.dry_friction_nm = robot.dry_friction_nm[Index(joint.dof)];
-    ReadKeys(*all, kMotorKeys, joint.motor);
-    std::optional<TomlTable> own = all->OptionalTable(dof.name);
+    ReadKeys(all, kMotorKeys, joint.motor);
+    std::optional<TomlTable> own = all.OptionalTable(dof.name);
     if (own) ReadKeys(*own, kMotorKeys, joint.motor);
-    CheckTorqueSpeedCurve(own ? *own : *all, dof.name, joint.motor.base_speed_rad_s,
+    CheckTorqueSpeedCurve(own ? *own : all, dof.name, joint.motor.base_speed_rad_s,
                           joint.motor.no_load_speed_rad_s);
     joint.limits.velocity_max_rad_s =
         std::min(joint.limits.velocity_max_rad_s, joint.motor.no_load_speed_rad_s);
     dof.damping_nm_s_per_rad += joint.motor.viscous_friction_nm_s_per_rad;
-    problem.scene.motors[j] = joint.motor;
+    scene.motors[j] = joint.motor;
   }
+}
+
+}  // namespace
+
+void ReadMotors(TomlTable& root, Problem& problem) {
+  std::optional<TomlTable> all = root.OptionalTable("motor");
+  if (!all) return;
+  problem.WithScene([&](auto& scene) { ReadMotorsOf(*all, scene, problem); });
 }
 
 KeyTable MotorKeyTable() { return {"offline/problem/motor_toml.cc", "motor", RowsOf(kMotorKeys)}; }

@@ -16,6 +16,7 @@
 #include "offline/problem/cost_term.h"
 #include "offline/problem/robust_settings.h"
 #include "offline/scene/scene.h"
+#include "offline/scene/space_scene.h"
 
 namespace tumbler {
 
@@ -142,6 +143,15 @@ struct Problem {
   /// (`AdvisableStep`, `SpringStep`). Infinite without either.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
+  /// What takes the place of `scene` where the robot moves in space.
+  struct InSpace {
+    SpaceScene scene;
+    /// Of the root's frame at the start; its angles in `start_q` are 0.
+    SpaceMatrix start_orientation = SpaceMatrix::Identity();
+  };
+  /// None: the robot moves in the plane. Where it is there, `scene` is empty.
+  std::optional<InSpace> space;
+
   /// Positions of all degrees of freedom at the start [m, rad].
   std::vector<double> start_q;
   /// Velocities of the root's coordinates at the start [m/s, rad/s]; zero at rest.
@@ -185,6 +195,28 @@ struct Problem {
     return InstantsOf(cost, other_duration_s, settle_s);
   }
 
+  // What both kinds of scenes have.
+  [[nodiscard]] const ContactLaw& contact() const {
+    return space ? space->scene.contact : scene.contact;
+  }
+  [[nodiscard]] const SelfContact& self_contact() const {
+    return space ? space->scene.self_contact : scene.self_contact;
+  }
+  [[nodiscard]] std::size_t dof_count() const {
+    return space ? space->scene.robot.tree.dofs.size() : scene.robot.tree.dofs.size();
+  }
+  /// The name of a joint in the robot's file.
+  [[nodiscard]] const std::string& name_of(const ActuatedJoint& joint) const {
+    const auto dof = static_cast<std::size_t>(joint.dof);
+    return space ? space->scene.robot.tree.dofs[dof].name : scene.robot.tree.dofs[dof].name;
+  }
+  [[nodiscard]] const std::string& joint_name(std::size_t j) const { return name_of(joints[j]); }
+  /// Calls `work` with the scene, a `Scene` or a `SpaceScene`.
+  template <class Work>
+  void WithScene(Work&& work) {
+    space ? work(space->scene) : work(scene);
+  }
+
   /// The gains of every joint's drive through which the motion is to be played.
   [[nodiscard]] DriveGains drive_gains() const {
     const LaneDrive drive = robust ? robust->drive : LaneDrive{};
@@ -207,7 +239,8 @@ struct Problem {
       return term.when == CostTerm::When::kEnd && (term.target != 0 || (term.from_start && free));
     };
     const bool flies =
-        scene.robot.root_dofs > 0 && !scene.robot.hinged() && scene.obstacles.empty();
+        space ? space->scene.obstacles.empty()
+              : scene.robot.root_dofs > 0 && !scene.robot.hinged() && scene.obstacles.empty();
     return joint_ends_moving() ||
            (settle_s == 0 && (flies || std::ranges::any_of(cost, asks_for_velocity)));
   }

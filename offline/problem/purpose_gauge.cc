@@ -11,6 +11,7 @@ namespace tumbler {
 
 PurposeGauge::PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot)
     : of_(target.of), root_dofs_(Index(robot.root_dofs)) {
+  if (target.is_in_space()) obstacle_ = "it is of a robot in space, and this one is in the plane";
   if (!target.of_point()) return;
   try {
     point_ = PointOfLink(robot, target.link, target.point_m);
@@ -46,6 +47,11 @@ double PurposeGauge::At(std::span<const double> q, std::span<const double> qd) c
       return point_.Value(LinkPoint::Axis::kX, true, q, qd);
     case PurposeTarget::Of::kPointZRate:
       return point_.Value(LinkPoint::Axis::kZ, true, q, qd);
+    case PurposeTarget::Of::kPosition:
+    case PurposeTarget::Of::kVelocity:
+    case PurposeTarget::Of::kAngularVelocity:
+    case PurposeTarget::Of::kMisalignment:
+      return 0;  // It has an obstacle.
   }
   return 0;
 }

@@ -11,6 +11,7 @@
 
 #include "common/core/index.h"
 #include "common/files/file_keys.h"
+#include "offline/scene/scene_dynamics.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {
@@ -22,7 +23,12 @@ constexpr std::size_t kMostOwnPairs = 1000;
 struct SelfContactEntry {
   double clearance_m = SelfContact{}.clearance_m;
   OwnShapes shapes = OwnShapes::kAll;
-  const PlanarRobot* robot = nullptr;
+  /// A shape of the robot, as names see it.
+  struct Named {
+    std::string name, link;
+    int body = 0;
+  };
+  std::vector<Named> named;
   std::vector<OwnPair> pairs;
 };
 
@@ -31,7 +37,7 @@ constexpr std::array<std::string_view, 3> kOwnShapes = {"all", "collision", "non
 /// The shapes with this name, or all of the link with this name.
 std::vector<int> ShapesNamed(TomlTable& table, std::string_view key, const SelfContactEntry& entry,
                              const std::string& name) {
-  const std::vector<OwnShape>& all = entry.robot->own_shapes;
+  const std::vector<SelfContactEntry::Named>& all = entry.named;
   std::vector<int> found;
   std::string names;
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -49,7 +55,8 @@ std::vector<int> ShapesNamed(TomlTable& table, std::string_view key, const SelfC
 
 /// Whether the distance of two shapes depends on a joint without a motor: one is on the way from
 /// one body to the other.
-bool DependsOnPassive(const PlanarRobot& robot, const OwnPair& pair) {
+template <class Robot>
+bool DependsOnPassive(const Robot& robot, const OwnPair& pair) {
   int a = robot.own_shapes[Index(pair.a)].body, b = robot.own_shapes[Index(pair.b)].body;
   while (a != b) {  // Parents come before children.
     int& later = a > b ? a : b;
@@ -70,7 +77,7 @@ std::vector<OwnPair> ReadPairs(TomlTable& table, std::string_view key,
     }
     for (const int a : ShapesNamed(table, key, entry, names[0])) {
       for (const int b : ShapesNamed(table, key, entry, names[1])) {
-        if (entry.robot->own_shapes[Index(a)].body == entry.robot->own_shapes[Index(b)].body) {
+        if (entry.named[Index(a)].body == entry.named[Index(b)].body) {
           table.Fail(key, fmt::format("names '{}' and '{}', which do not move against each other",
                                       names[0], names[1]));
         }
@@ -118,11 +125,12 @@ constexpr std::array kPairKeys = {
         .Allowed("pairs of names"),
 };
 
-}  // namespace
-
-void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Scene& scene) {
+template <class Space>
+void ReadSelfContactOf(TomlTable& root, std::span<const std::vector<double>> q,
+                       SceneOf<Space>& scene) {
   SelfContactEntry entry;
-  entry.robot = &scene.robot;
+  for (const auto& own : scene.robot.own_shapes)
+    entry.named.push_back({own.name, own.link, own.body});
   std::optional<TomlTable> table = root.OptionalTable("self_contact");
   if (table) ReadKeys(*table, kSelfContactKeys, entry);
   entry.pairs = SeparatePairs(scene.robot, entry.shapes, entry.clearance_m);
@@ -143,8 +151,8 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
   scene.self_contact = {
       entry.clearance_m, {entry.pairs.begin(), simulated}, {simulated, entry.pairs.end()}};
   // Where joints without a motor are at the end, only a simulation says.
-  SelfDistances distances(scene.robot, scene.self_contact.pairs);
-  SelfDistances distances_at_start(scene.robot, scene.self_contact.All());
+  SelfDistancesIn<Space> distances(scene.robot, scene.self_contact.pairs);
+  SelfDistancesIn<Space> distances_at_start(scene.robot, scene.self_contact.All());
   for (std::size_t i = 0; i < q.size(); ++i) {
     const SelfClearance nearest = (i == 0 ? distances_at_start : distances).Nearest(q[i]);
     if (nearest.distance_m >= entry.clearance_m) continue;
@@ -155,6 +163,15 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
                      MessageNumber(entry.clearance_m), i == 0 ? "starts" : "ends",
                      NameOf(scene.robot, nearest.pair), MessageNumber(nearest.distance_m)));
   }
+}
+
+}  // namespace
+
+void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Scene& scene) {
+  ReadSelfContactOf<Plane>(root, q, scene);
+}
+void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, SpaceScene& scene) {
+  ReadSelfContactOf<Spatial>(root, q, scene);
 }
 
 KeyTable SelfContactKeyTable() {

@@ -14,6 +14,8 @@ namespace tumbler {
 /// which these shapes have to be apart.
 /// @throws FileError  with file, line, key, value and allowed values.
 void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Scene& scene);
+/// The same in space.
+void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, SpaceScene& scene);
 
 /// The keys, for docs/formats.md.
 KeyTable SelfContactKeyTable();

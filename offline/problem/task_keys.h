@@ -20,17 +20,19 @@ inline constexpr FileHeader kTaskHeader{"tumbler-task", 1, nullptr,
 
 struct TaskRobot {
   std::string robot;
-  RootKind root = RootKind::kPlanarXz;  ///< How its root link is held; not floating.
+  RootKind root = RootKind::kPlanarXz;  ///< How its root link is held.
 };
-/// Names of the first of RootKind.
-inline constexpr std::array<std::string_view, 3> kTaskRoots = {"planar-xz", "fixed", "hinge-y"};
+/// Names of RootKind.
+inline constexpr std::array<std::string_view, 4> kTaskRoots = {"planar-xz", "fixed", "hinge-y",
+                                                               "floating"};
 inline constexpr std::array kTaskRobotKeys = {
     KeyOf<&TaskRobot::robot>("robot", "URDF, relative to the task's folder")
         .Required()
         .Allowed("a file"),
     KeyOf<&TaskRobot::root>("root", kTaskRoots,
                             "how the root link is held; `hinge-y`: hung from a bar along y through "
-                            "its frame's origin, which it turns about without a motor"),
+                            "its frame's origin, which it turns about without a motor; `floating`: "
+                            "not at all, [in space](space.md)"),
 };
 
 /// Names of HeldTorque.

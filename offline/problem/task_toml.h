@@ -46,10 +46,17 @@ inline constexpr double kStartJointTolerance = 1e-6;
 /// of the legs exchanged). The pose itself is taken as it is.
 inline constexpr double kStartPitchTolerance = 0.3;
 
+/// Which tasks a caller can use.
+enum class TaskSpaces {
+  kPlane,          ///< Those of robots in the plane.
+  kPlaneAndSpace,  ///< And those with a floating root (Problem::space).
+};
+
 /// Reads a task file and the URDF that it names (relative to the task's folder), and finds the
 /// start pose. The format is described in docs/formats.md.
-/// @throws FileError  with file, line, key, value and allowed range.
-Task LoadTask(const std::string& path);
+/// @throws FileError  with file, line, key, value and allowed range; also when the task's robot
+/// moves in space, and the caller does not take that.
+Task LoadTask(const std::string& path, TaskSpaces takes = TaskSpaces::kPlane);
 
 /// The same, but the motion starts where `before` leaves the robot (its simulated exit: root and
 /// joints at rest) rather than in the task's ideal pose.
@@ -60,11 +67,13 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before, const std::s
 
 /// The same as the first, from the task's text. `task_name` stands for its file: it is where the
 /// URDF's path begins.
-Task ParseTask(const std::string& task_text, const std::string& task_name);
+Task ParseTask(const std::string& task_text, const std::string& task_name,
+               TaskSpaces takes = TaskSpaces::kPlane);
 
 /// The same, from texts. `robot_text` stands for the file that the task names.
 Task ParseTask(const std::string& task_text, const std::string& task_name,
-               const std::string& robot_text, const std::string& robot_name);
+               const std::string& robot_text, const std::string& robot_name,
+               TaskSpaces takes = TaskSpaces::kPlane);
 
 /// The same as the second LoadTask, from texts.
 Task ParseTask(const std::string& task_text, const std::string& task_name,
@@ -73,7 +82,7 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
 
 /// The task that a primitive was made from, parsed from the texts in the primitive. The start pose
 /// is the primitive's entry, wherever that came from.
-Task TaskOf(const PrimitiveFile& file);
+Task TaskOf(const PrimitiveFile& file, TaskSpaces takes = TaskSpaces::kPlane);
 
 /// The keys of the file, for docs/formats.md.
 std::vector<KeyTable> TaskKeyTables();

@@ -6,13 +6,15 @@
 
 namespace tumbler {
 
-SceneDynamics::SceneDynamics(const Scene& scene, std::unique_ptr<ContactForces<Plane>> own_contact)
+template <class Space>
+SceneDynamicsIn<Space>::SceneDynamicsIn(const SceneOf<Space>& scene,
+                                        std::unique_ptr<ContactForces<Space>> own_contact)
     : dynamics(scene.robot.tree),
       contact(std::move(own_contact)),
       n(static_cast<std::size_t>(dynamics.size())) {
   if (contact == nullptr) {
     contact =
-        std::make_unique<ContactModel<Plane>>(scene.contact, scene.robot.shapes, scene.obstacles);
+        std::make_unique<ContactModel<Space>>(scene.contact, scene.robot.shapes, scene.obstacles);
   }
   for (int j = 0; j < dynamics.size(); ++j) {
     if (!dynamics.prescribed(j)) free.push_back(j);
@@ -27,18 +29,23 @@ SceneDynamics::SceneDynamics(const Scene& scene, std::unique_ptr<ContactForces<P
     if (joint.stiffness_nm_per_rad > 0) springs_.push_back(joint);
   }
   plain_ = dry_.empty() && springs_.empty();
-  if (scene.robot.hinged()) {
+  if constexpr (std::is_same_v<Space, Plane>) {
+    if (!scene.robot.hinged()) return;
     q[0] = scene.bar.x();
     q[1] = scene.bar.y();
   }
 }
 
-void SceneDynamics::SolveWithJoints() {
+template <class Space>
+void SceneDynamicsIn<Space>::SolveWithJoints() {
   for (const PassiveJoint& joint : springs_)
     tau[joint.dof] -= joint.stiffness_nm_per_rad * (q[joint.dof] - joint.rest_rad);
   dynamics.Solve({qdd.data(), n}, {tau.data(), n});
   for (const DryJoint& joint : dry_)
     tau[joint.dof] += EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).torque_nm;
 }
+
+template struct SceneDynamicsIn<Plane>;
+template struct SceneDynamicsIn<Spatial>;
 
 }  // namespace tumbler

@@ -5,14 +5,22 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "offline/model/contact_forces.h"
 #include "offline/model/hybrid_dynamics.h"
+#include "offline/model/spatial.h"
+#include "offline/scene/root_chart.h"
 #include "offline/scene/scene.h"
+#include "offline/scene/space_scene.h"
 #include "offline/scene/stepper.h"
 
 namespace tumbler {
+
+/// The scene that belongs to an algebra.
+template <class Space>
+using SceneOf = std::conditional_t<std::is_same_v<Space, Plane>, Scene, SpaceScene>;
 
 /// The equations of motion of a scene [AB04, Eqs. 7 and 8]. The caller puts the prescribed joints
 /// on their paths and gets the accelerations of the free degrees of freedom. Positions and
@@ -26,17 +34,21 @@ namespace tumbler {
 ///    springs;
 /// 4. Solve.
 ///
+/// In space the angles of a floating root are those of the chart in use (RootChart), which whoever
+/// takes steps moves on after each of them.
+///
 /// No heap after construction.
-struct SceneDynamics {
-  static constexpr int kMaxDofs = HybridDynamics<Plane>::kMaxDofs;
+template <class Space>
+struct SceneDynamicsIn {
+  static constexpr int kMaxDofs = HybridDynamics<Space>::kMaxDofs;
   /// One number for each degree of freedom.
   using Numbers = IntArray<double, kMaxDofs>;
   /// The state of the free degrees of freedom, in their order.
   using State = MechanicalState<kMaxDofs>;
 
   /// @param own_contact  replaces the general contact model; null: the general model.
-  explicit SceneDynamics(const Scene& scene,
-                         std::unique_ptr<ContactForces<Plane>> own_contact = nullptr);
+  explicit SceneDynamicsIn(const SceneOf<Space>& scene,
+                           std::unique_ptr<ContactForces<Space>> own_contact = nullptr);
 
   /// Sets positions and velocities of the free degrees of freedom from the numbers of a State.
   void SetFree(const double* y) {
@@ -78,7 +90,7 @@ struct SceneDynamics {
     Solve();
   }
   /// Writes the derivatives of what Solve computed, as HybridDynamics::Differentiate does.
-  void Differentiate(HybridDynamics<Plane>::Derivatives& out) {
+  void Differentiate(typename HybridDynamics<Space>::Derivatives& out) {
     contact->Differentiate(dynamics);
     dynamics.Differentiate(out);
     AddFrictionSlopes(out);
@@ -88,7 +100,7 @@ struct SceneDynamics {
     }
   }
   /// The same as HybridDynamics::DifferentiateFactored does.
-  void DifferentiateFactored(HybridDynamics<Plane>::Derivatives& out) {
+  void DifferentiateFactored(typename HybridDynamics<Space>::Derivatives& out) {
     contact->Differentiate(dynamics);
     dynamics.DifferentiateFactored(out);
     AddFrictionSlopes(out);
@@ -104,8 +116,13 @@ struct SceneDynamics {
     }
   }
 
-  HybridDynamics<Plane> dynamics;
-  std::unique_ptr<ContactForces<Plane>> contact;
+  /// Makes a chart that of the root from the next Touch on. Nothing in the plane.
+  void Use(const RootChart<Space>& chart) {
+    if constexpr (RootChart<Space>::kMoves) dynamics.SetRootAxes({chart.axes});
+  }
+
+  HybridDynamics<Space> dynamics;
+  std::unique_ptr<ContactForces<Space>> contact;
   /// Number of degrees of freedom.
   std::size_t n;
   /// The degrees of freedom that are not prescribed.
@@ -122,7 +139,7 @@ struct SceneDynamics {
     double friction_nm;
   };
   /// Friction is no part of inverse dynamics but for the torque of its own joint.
-  void AddFrictionSlopes(HybridDynamics<Plane>::Derivatives& out) const {
+  void AddFrictionSlopes(typename HybridDynamics<Space>::Derivatives& out) const {
     for (const DryJoint& joint : dry_) {
       out.qd[joint.dof][joint.dof] +=
           EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).by_velocity;
@@ -132,5 +149,8 @@ struct SceneDynamics {
   std::vector<PassiveJoint> springs_;  // those with a stiffness
   bool plain_ = true;                  // neither of the two
 };
+
+using SceneDynamics = SceneDynamicsIn<Plane>;
+using SpaceDynamics = SceneDynamicsIn<Spatial>;
 
 }  // namespace tumbler

@@ -9,6 +9,7 @@
 
 #include "common/core/index.h"
 #include "offline/model/signed_distance.h"
+#include "offline/scene/space_scene.h"
 
 namespace tumbler {
 namespace {
@@ -23,19 +24,21 @@ constexpr double kSameDistance_m = 1e-9;
 
 /// Whether a joint of the one body moves the other against it. A root with several degrees of
 /// freedom is a chain of bodies, of which only the last has shapes.
-bool Carries(const PlanarRobot& robot, int carrier, int body) {
+template <class Robot>
+bool Carries(const Robot& robot, int carrier, int body) {
   return body >= robot.root_dofs && robot.tree.dofs[Index(body)].parent == carrier;
 }
 
 /// Whether two shapes meet at the joint between their bodies, or the joint does not change their
 /// distance.
 /// @param joint  the degree of freedom that moves one of them against the other.
-bool BelongToJoint(const PlanarRobot& robot, const OwnPair& pair, int joint, double clearance_m) {
+template <class Space, class Robot>
+bool BelongToJoint(const Robot& robot, const OwnPair& pair, int joint, double clearance_m) {
   const RobotJointLimits& limits = robot.limits[Index(joint)];
   const double reach = robot.tree.dofs[Index(joint)].kind == JointKind::kRevolute ? M_PI : 1;
   const double lower = std::isfinite(limits.lower_rad) ? limits.lower_rad : -reach;
   const double upper = std::isfinite(limits.upper_rad) ? limits.upper_rad : reach;
-  SelfDistances distances(robot, std::span(&pair, 1));
+  SelfDistancesIn<Space> distances(robot, std::span(&pair, 1));
   std::vector<double> q(robot.tree.dofs.size(), 0.0);
   int nearer = 0;
   double least = std::numeric_limits<double>::infinity(), most = -least;
@@ -49,43 +52,67 @@ bool BelongToJoint(const PlanarRobot& robot, const OwnPair& pair, int joint, dou
   return 2 * nearer >= kPositions || most - least < kSameDistance_m;
 }
 
-}  // namespace
+/// Whether two shapes pass beside each other for good, further apart than the clearance.
+bool PassBeside(const OwnShape& a, const OwnShape& b, double clearance_m) {
+  const double beside = std::max(a.y_min_m - b.y_max_m, b.y_min_m - a.y_max_m);
+  return beside >= clearance_m && beside > 0;
+}
+bool PassBeside(const SpaceOwnShape& /*a*/, const SpaceOwnShape& /*b*/, double /*clearance_m*/) {
+  return false;
+}
 
-std::vector<OwnPair> SeparatePairs(const PlanarRobot& robot, OwnShapes shapes, double clearance_m) {
+template <class Space, class Robot>
+std::vector<OwnPair> FindSeparatePairs(const Robot& robot, OwnShapes shapes, double clearance_m) {
   std::vector<OwnPair> pairs;
-  const auto counts = [shapes](const OwnShape& shape) {
+  const auto counts = [shapes](const auto& shape) {
     return shapes == OwnShapes::kAll || (shapes == OwnShapes::kCollision && !shape.drawn_only);
   };
   for (std::size_t i = 0; i < robot.own_shapes.size(); ++i) {
     for (std::size_t j = i + 1; j < robot.own_shapes.size(); ++j) {
-      const OwnShape &a = robot.own_shapes[i], &b = robot.own_shapes[j];
+      const auto &a = robot.own_shapes[i], &b = robot.own_shapes[j];
       if (!counts(a) || !counts(b) || a.body == b.body) continue;
-      const double beside = std::max(a.y_min_m - b.y_max_m, b.y_min_m - a.y_max_m);
-      if (beside >= clearance_m && beside > 0) continue;
+      if (PassBeside(a, b, clearance_m)) continue;
       const OwnPair pair{static_cast<int>(i), static_cast<int>(j)};
       int joint = -1;
       if (Carries(robot, a.body, b.body)) joint = b.body;
       if (Carries(robot, b.body, a.body)) joint = a.body;
-      if (joint < 0 || !BelongToJoint(robot, pair, joint, clearance_m)) pairs.push_back(pair);
+      if (joint < 0 || !BelongToJoint<Space>(robot, pair, joint, clearance_m))
+        pairs.push_back(pair);
     }
   }
   return pairs;
 }
 
-std::string NameOf(const PlanarRobot& robot, const OwnPair& pair) {
+template <class Robot>
+std::string NameOfPair(const Robot& robot, const OwnPair& pair) {
   return fmt::format("{} and {}", robot.own_shapes[Index(pair.a)].name,
                      robot.own_shapes[Index(pair.b)].name);
 }
 
-SelfDistances::SelfDistances(const PlanarRobot& robot, std::span<const OwnPair> pairs)
+}  // namespace
+
+std::vector<OwnPair> SeparatePairs(const PlanarRobot& robot, OwnShapes shapes, double clearance_m) {
+  return FindSeparatePairs<Plane>(robot, shapes, clearance_m);
+}
+std::vector<OwnPair> SeparatePairs(const SpaceRobot& robot, OwnShapes shapes, double clearance_m) {
+  return FindSeparatePairs<Spatial>(robot, shapes, clearance_m);
+}
+
+std::string NameOf(const PlanarRobot& robot, const OwnPair& pair) {
+  return NameOfPair(robot, pair);
+}
+std::string NameOf(const SpaceRobot& robot, const OwnPair& pair) { return NameOfPair(robot, pair); }
+
+template <class Space>
+SelfDistancesIn<Space>::SelfDistancesIn(const RobotOf& robot, std::span<const OwnPair> pairs)
     : root_dofs_(robot.root_dofs),
       first_joint_(Index(robot.root_dofs)),
       bodies_(robot.tree.dofs.size()) {
-  for (const Dof<Plane>& dof : robot.tree.dofs)
+  for (const Dof<Space>& dof : robot.tree.dofs)
     joints_.push_back({dof.parent, dof.kind, dof.axis, dof.direction, dof.offset});
-  for (const OwnShape& own : robot.own_shapes) {
-    shapes_.push_back({own.shape, own.body, own.shape.half_extents.norm() + own.shape.radius_m,
-                       Plane::Vector::Zero()});
+  for (const auto& own : robot.own_shapes) {
+    shapes_.push_back(
+        {own.shape, own.body, own.shape.half_extents.norm() + own.shape.radius_m, Vector::Zero()});
   }
   const auto joints_below = [this](int body) {
     std::uint32_t bits = 0;
@@ -102,7 +129,8 @@ SelfDistances::SelfDistances(const PlanarRobot& robot, std::span<const OwnPair> 
   FindSweeps();
 }
 
-void SelfDistances::FindSweeps() {
+template <class Space>
+void SelfDistancesIn<Space>::FindSweeps() {
   // From the last body on: how far from its joint's axis any of its shapes, and of those that hang
   // on it, can be.
   sweep_.assign(joints_.size(), 0.0);
@@ -122,7 +150,8 @@ void SelfDistances::FindSweeps() {
   }
 }
 
-bool SelfDistances::StillApart(std::span<const double> q, double limit_m) const {
+template <class Space>
+bool SelfDistancesIn<Space>::StillApart(std::span<const double> q, double limit_m) const {
   if (found_at_.empty() || !(apart_m_ > limit_m)) return false;
   constexpr double kRounding_m = 1e-9;
   double moved = kRounding_m;
@@ -132,26 +161,29 @@ bool SelfDistances::StillApart(std::span<const double> q, double limit_m) const 
   return apart_m_ - moved > limit_m;
 }
 
-void SelfDistances::RememberApart(std::span<const double> q, double distance_m) {
+template <class Space>
+void SelfDistancesIn<Space>::RememberApart(std::span<const double> q, double distance_m) {
   found_at_.assign(q.begin(), q.end());
   apart_m_ = distance_m;
 }
 
-const SelfDistances::Body& SelfDistances::BodyOf(int body) const {
+template <class Space>
+const typename SelfDistancesIn<Space>::Body& SelfDistancesIn<Space>::BodyOf(int body) const {
   return body < root_dofs_ ? world_ : bodies_[Index(body)];
 }
 
-void SelfDistances::SetPositions(std::span<const double> q) {
+template <class Space>
+void SelfDistancesIn<Space>::SetPositions(std::span<const double> q) {
   for (std::size_t j = first_joint_; j < joints_.size(); ++j) {
     const Joint& joint = joints_[j];
     const Body& parent = BodyOf(joint.parent);
     Body& body = bodies_[j];
     if (joint.kind == JointKind::kRevolute) {
-      body.R = parent.R * Plane::RotationBy(joint.axis, q[j]);
+      body.R = parent.R * Space::RotationBy(joint.axis, q[j]);
       body.p = parent.p + parent.R * joint.offset;
     } else {
       body.R = parent.R;
-      body.p = parent.p + parent.R * Plane::Vector(joint.offset + q[j] * joint.direction);
+      body.p = parent.p + parent.R * Vector(joint.offset + q[j] * joint.direction);
     }
   }
   for (Own& own : shapes_) {
@@ -160,19 +192,22 @@ void SelfDistances::SetPositions(std::span<const double> q) {
   }
 }
 
-double SelfDistances::Bound(const OwnPair& pair) const {
+template <class Space>
+double SelfDistancesIn<Space>::Bound(const OwnPair& pair) const {
   const Own &a = shapes_[Index(pair.a)], &b = shapes_[Index(pair.b)];
   return (a.centre - b.centre).norm() - a.reach_m - b.reach_m;
 }
 
-PosedShape<Plane> SelfDistances::Posed(int shape) const {
+template <class Space>
+PosedShape<Space> SelfDistancesIn<Space>::Posed(int shape) const {
   const Own& own = shapes_[Index(shape)];
   const Body& body = BodyOf(own.body);
-  return PosedShape<Plane>::Of(own.shape, body.R, body.p);
+  return PosedShape<Space>::Of(own.shape, body.R, body.p);
 }
 
-std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const double> q,
-                                                               double limit_m) {
+template <class Space>
+std::span<const typename SelfDistancesIn<Space>::Near> SelfDistancesIn<Space>::FindNearer(
+    std::span<const double> q, double limit_m) {
   near_.clear();
   if (StillApart(q, limit_m)) return near_;
   SetPositions(q);
@@ -183,7 +218,8 @@ std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const d
       apart = std::min(apart, bound);
       continue;
     }
-    const SignedDistance distance = FindSignedDistance(Posed(pair.pair.a), Posed(pair.pair.b));
+    const SignedDistance<Space> distance =
+        FindSignedDistance(Posed(pair.pair.a), Posed(pair.pair.b));
     apart = std::min(apart, distance.d);
     if (distance.d >= limit_m) continue;
     Near& near = near_.emplace_back();
@@ -194,9 +230,9 @@ std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const d
           static_cast<double>(pair.moves_a >> j & 1U) - static_cast<double>(pair.moves_b >> j & 1U);
       if (sign == 0) continue;
       const Joint& joint = joints_[j];
-      const Plane::Vector velocity = joint.kind == JointKind::kRevolute
-                                         ? Plane::Cross(joint.axis, distance.point - bodies_[j].p)
-                                         : Plane::Vector(BodyOf(joint.parent).R * joint.direction);
+      const Vector velocity = joint.kind == JointKind::kRevolute
+                                  ? VelocityAbout(j, distance.point)
+                                  : Vector(BodyOf(joint.parent).R * joint.direction);
       near.slopes[j] = sign * distance.u.dot(velocity);
     }
   }
@@ -204,7 +240,8 @@ std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const d
   return near_;
 }
 
-SelfClearance SelfDistances::Nearest(std::span<const double> q, double limit_m) {
+template <class Space>
+SelfClearance SelfDistancesIn<Space>::Nearest(std::span<const double> q, double limit_m) {
   SelfClearance nearest;
   if (StillApart(q, limit_m)) return nearest;
   SetPositions(q);
@@ -216,5 +253,8 @@ SelfClearance SelfDistances::Nearest(std::span<const double> q, double limit_m) 
   RememberApart(q, nearest.distance_m);
   return nearest;
 }
+
+template class SelfDistancesIn<Plane>;
+template class SelfDistancesIn<Spatial>;
 
 }  // namespace tumbler

@@ -5,12 +5,25 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "offline/model/planar_robot.h"
 #include "offline/model/plane.h"
+#include "offline/model/spatial.h"
 
 namespace tumbler {
+
+struct SpaceRobot;
+
+/// A shape that a body of a robot in space fills, for its distance from the robot's other bodies.
+struct SpaceOwnShape {
+  std::string name;  ///< `LINK/INDEX`; of a shape that is only drawn, `LINK/visual/INDEX`.
+  std::string link;  ///< The link of the file.
+  int body = 0;      ///< Index of the degree of freedom that moves it.
+  Shape<Spatial> shape;
+  bool drawn_only = false;  ///< Whether it is a visual shape, and no collision shape is the same.
+};
 
 /// Two of a robot's own shapes.
 struct OwnPair {
@@ -47,9 +60,13 @@ enum class OwnShapes { kAll, kCollision, kNone };
 ///   joint does not change. The joint is looked at in 65 positions; the range of one without limits
 ///   is a turn, or 1 m to either side.
 std::vector<OwnPair> SeparatePairs(const PlanarRobot& robot, OwnShapes shapes, double clearance_m);
+/// The same in space, where nothing passes beside anything: a pair whose extents along y are apart
+/// is one like any other.
+std::vector<OwnPair> SeparatePairs(const SpaceRobot& robot, OwnShapes shapes, double clearance_m);
 
 /// "leg1_link/0 and leg2_link/visual/1"
 std::string NameOf(const PlanarRobot& robot, const OwnPair& pair);
+std::string NameOf(const SpaceRobot& robot, const OwnPair& pair);
 
 /// The nearest two of a robot's own shapes.
 struct SelfClearance {
@@ -60,18 +77,22 @@ struct SelfClearance {
 };
 
 /// The distances between a robot's own shapes, which depend on its joints alone. Distances are
-/// those in the plane of motion.
+/// those in the plane of motion, or in space.
 ///
 /// No heap after construction.
-class SelfDistances {
+template <class Space>
+class SelfDistancesIn {
  public:
-  SelfDistances(const PlanarRobot& robot, std::span<const OwnPair> pairs);
+  using Vector = typename Space::Vector;
+  using RobotOf = std::conditional_t<std::is_same_v<Space, Plane>, PlanarRobot, SpaceRobot>;
+
+  SelfDistancesIn(const RobotOf& robot, std::span<const OwnPair> pairs);
 
   /// A pair that is near, and the derivative of its distance by each degree of freedom.
   struct Near {
     OwnPair pair;
     double distance_m = 0;
-    std::array<double, Plane::kMaxDofs> slopes{};
+    std::array<double, Space::kMaxDofs> slopes{};
   };
 
   /// The pairs nearer than `limit_m`. Valid until the next call.
@@ -87,18 +108,18 @@ class SelfDistances {
   struct Joint {
     int parent;
     JointKind kind;
-    double axis;
-    Plane::Vector direction, offset;
+    typename Space::Axis axis;
+    Vector direction, offset;
   };
   struct Body {
-    Plane::Rotation R;
-    Plane::Vector p = Plane::Vector::Zero();
+    typename Space::Rotation R;
+    Vector p = Vector::Zero();
   };
   struct Own {
-    Shape<Plane> shape;
+    Shape<Space> shape;
     int body;
     double reach_m;  // radius of a circle around its centre that holds it
-    Plane::Vector centre;
+    Vector centre;
   };
   /// A pair, and the bodies whose joints change its distance: the way from one to the other.
   struct Pair {
@@ -115,9 +136,15 @@ class SelfDistances {
   void RememberApart(std::span<const double> q, double distance_m);
   void SetPositions(std::span<const double> q);
   [[nodiscard]] const Body& BodyOf(int body) const;
+  /// The velocity of a point that turns about a revolute joint's axis at unit rate.
+  [[nodiscard]] Vector VelocityAbout(std::size_t joint, const Vector& point) const {
+    const Body& body = bodies_[joint];
+    const auto w = Space::RevoluteMotion(body.R, joints_[joint].axis, body.p).w;
+    return Space::Cross(w, Vector(point - body.p));
+  }
   /// A distance that the pair is not nearer than.
   [[nodiscard]] double Bound(const OwnPair& pair) const;
-  [[nodiscard]] PosedShape<Plane> Posed(int shape) const;
+  [[nodiscard]] PosedShape<Space> Posed(int shape) const;
 
   int root_dofs_;
   std::size_t first_joint_;
@@ -132,5 +159,8 @@ class SelfDistances {
   std::vector<double> found_at_;  // positions for which distances were last found
   double apart_m_ = 0;            // no pair was nearer than this there
 };
+
+using SelfDistances = SelfDistancesIn<Plane>;
+using SpaceSelfDistances = SelfDistancesIn<Spatial>;
 
 }  // namespace tumbler

@@ -6,25 +6,29 @@
 
 namespace tumbler {
 
-Adjoint::Pullback::Pullback() {
+template <class Space>
+Adjoint<Space>::Pullback::Pullback() {
   adjoint.fill(OutputLanes::Zero());
   for (StateBar& block : y_bar) block.fill(OutputLanes::Zero());
   for (auto& path : paths) path.fill(OutputLanes::Zero());
 }
 
-Adjoint::Adjoint(Propagation& forward)
+template <class Space>
+Adjoint<Space>::Adjoint(Propagation<Space>& forward)
     : forward_(forward),
       free_(static_cast<int>(forward.robot.free.size())),
       joints_(forward.motion.joints()),
       dofs_(free_ + joints_) {}
 
-void Adjoint::Run(const RolloutResult& result, std::span<double> gradient) {
+template <class Space>
+void Adjoint<Space>::Run(const RolloutResult& result, std::span<double> gradient) {
   if (forward_.table.classical) return RunScheme<kClassical>(result, gradient);
   RunScheme<kDormandPrince>(result, gradient);
 }
 
+template <class Space>
 template <const Tableau& kScheme>
-void Adjoint::RunScheme(const RolloutResult& result, std::span<double> gradient) {
+void Adjoint<Space>::RunScheme(const RolloutResult& result, std::span<double> gradient) {
   std::fill(gradient.begin(), gradient.end(), 0.0);
   // The clearance needs no simulation, so its gradient is known already.
   std::ranges::copy(forward_.clearance_gradient,
@@ -50,14 +54,20 @@ void Adjoint::RunScheme(const RolloutResult& result, std::span<double> gradient)
   if (lanes > 0) PullBack<kScheme>(gradient);
 }
 
+template <class Space>
 template <const Tableau& kScheme>
-void Adjoint::PullBack(std::span<double> gradient) {
+void Adjoint<Space>::PullBack(std::span<double> gradient) {
   const int parameters = forward_.motion.parameters();
   parameters_.assign(Index(parameters), OutputLanes::Zero());
   std::size_t instant = forward_.instant_states.size();
   AddInstants(forward_.table.steps(), instant);
   StateBar total;
   for (int step = forward_.table.steps() - 1; step >= 0; --step) {
+    if constexpr (RootChart<Space>::kMoves) {
+      constexpr std::size_t kFirst = RootChart<Space>::kFirst;
+      RootChart<Space>::PullBack(forward_.turns[Index(step)], &pullback_.adjoint[kFirst],
+                                 &pullback_.adjoint[Index(free_) + kFirst]);
+    }
     std::copy_n(pullback_.adjoint.begin(), 2 * free_, total.begin());
     for (int s = static_cast<int>(kScheme.own_stages()) - 1; s >= 0; --s) {
       PullBackStage<kScheme>(step, s);
@@ -83,19 +93,21 @@ void Adjoint::PullBack(std::span<double> gradient) {
 }
 
 /// Adds the derivatives of the cost in the instants before `end` at which this step begins.
-void Adjoint::AddInstants(int step, std::size_t& end) {
+template <class Space>
+void Adjoint<Space>::AddInstants(int step, std::size_t& end) {
   for (; end > 0 && forward_.table.step_at[end - 1] == step; --end) {
     if (has_cost()) AddInstant(end - 1);
   }
 }
 
-void Adjoint::AddInstant(std::size_t instant) {
+template <class Space>
+void Adjoint<Space>::AddInstant(std::size_t instant) {
   const CostPoint here = forward_.InstantAt(instant);
   const CostInstant& when = forward_.motion.instants()[instant];
   if (!when.held) CollectPathsAt(forward_.PointOf(instant));
   const FreeStart& start = forward_.motion.start();
   forward_.outputs.ForEachTermAt(when, [&](std::size_t i, const CostTerm& term) {
-    const MotionOutputs::TermSlopes slopes = MotionOutputs::SlopesOf(term, here);
+    const auto slopes = MotionOutputs::SlopesOf<Space>(term, here);
     AddStateSlopes(slopes.by_q, slopes.by_qd, !when.held, pullback_.adjoint);
     if (!term.draws()) return;
     for (std::size_t r = 0; r < start.rates().size(); ++r) {
@@ -108,7 +120,8 @@ void Adjoint::AddInstant(std::size_t instant) {
 /// The derivatives of the outputs in the torque of a joint at a stage.
 /// @param of_cost  the derivative of the cost, whose lane is the first; 0 where it is not pulled
 /// back.
-OutputLanes Adjoint::TorqueSlopes(std::size_t stage, int joint, double of_cost) const {
+template <class Space>
+OutputLanes Adjoint<Space>::TorqueSlopes(std::size_t stage, int joint, double of_cost) const {
   OutputLanes slopes = OutputLanes::Zero();
   slopes.Add(0, of_cost);
   for (int i = 0; i < OutputLanes::kCount; ++i) {
@@ -120,11 +133,12 @@ OutputLanes Adjoint::TorqueSlopes(std::size_t stage, int joint, double of_cost) 
 }
 
 /// Computes y_bar of a stage from the adjoint of its step and y_bar of the stages after it.
+template <class Space>
 template <const Tableau& kScheme>
-void Adjoint::PullBackStage(int step, int s) {
+void Adjoint<Space>::PullBackStage(int step, int s) {
   constexpr int kStages = static_cast<int>(kScheme.own_stages());
   const Timetable& table = forward_.table;
-  const MotionRecord& record = forward_.record;
+  const MotionRecord<Space>& record = forward_.record;
   const std::size_t stage = table.StageOf(step, s);
   const double h = table.length[Index(step)];
   StateBar k_bar;
@@ -149,12 +163,12 @@ void Adjoint::PullBackStage(int step, int s) {
   for (int i = 0; i < free_; ++i) r[Index(i)] = k_bar[Index(free_ + i)];
   // The integrals of the cost also depend on the stage directly.
   std::array<double, kMaxJoints> by_torque{};
-  SceneDynamics::Numbers by_q, by_qd;
+  typename Dynamics::Numbers by_q, by_qd;
   const bool by_state = record.integrates_state() && has_cost();
   if (by_state) by_q.fill(0), by_qd.fill(0);
   if (has_cost()) {
     const CostPoint there = record.At(stage);
-    for (const Propagation::RunningTerm& term : forward_.running)
+    for (const auto& term : forward_.running)
       term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque});
   }
   for (int j = 0; j < joints_; ++j)
@@ -189,20 +203,22 @@ void Adjoint::PullBackStage(int step, int s) {
 /// Adds what a stage's share in its step has as derivative by the duration, as the step grows.
 /// @param b      weight of the stage in the integrals.
 /// @param k_bar  cotangent of the state's slope.
-void Adjoint::AddStretch(std::size_t stage, double growth, double b, const StateBar& k_bar) {
+template <class Space>
+void Adjoint<Space>::AddStretch(std::size_t stage, double growth, double b, const StateBar& k_bar) {
   const double* const slope = forward_.record.state_slope(stage);
   OutputLanes sum = OutputLanes::Zero();
   for (int i = 0; i < 2 * free_; ++i) sum += slope[i] * k_bar[Index(i)];
   if (has_cost()) {
     const CostPoint there = forward_.record.At(stage);
-    for (const Propagation::RunningTerm& term : forward_.running)
+    for (const auto& term : forward_.running)
       sum.Add(0, term.weight * term.Accumulate(0, b, there));
   }
   parameters_.back() += growth * sum;
 }
 
 /// Adds the derivatives of torque-speed curves in the joints' velocities at a stage.
-void Adjoint::AddCurveSlopes(std::size_t stage) {
+template <class Space>
+void Adjoint<Space>::AddCurveSlopes(std::size_t stage) {
   const std::span<const int> curved = forward_.outputs.curved();
   for (std::size_t c = 0; c < curved.size(); ++c) {
     const int j = curved[c];
@@ -215,15 +231,18 @@ void Adjoint::AddCurveSlopes(std::size_t stage) {
 }
 
 /// From here on, cotangents of the paths are those at this point.
-void Adjoint::CollectPathsAt(int point) {
+template <class Space>
+void Adjoint<Space>::CollectPathsAt(int point) {
   if (point == pullback_.point) return;
   AddToParameters();
   pullback_.point = point;
 }
 
 /// Adds derivatives of the cost in positions and velocities of a stage or an instant.
-void Adjoint::AddStateSlopes(const SceneDynamics::Numbers& by_q,
-                             const SceneDynamics::Numbers& by_qd, bool moving, StateBar& y_bar) {
+template <class Space>
+void Adjoint<Space>::AddStateSlopes(const typename Dynamics::Numbers& by_q,
+                                    const typename Dynamics::Numbers& by_qd, bool moving,
+                                    StateBar& y_bar) {
   for (int i = 0; i < free_; ++i) {
     const std::size_t dof = Index(forward_.robot.free[Index(i)]);
     y_bar[Index(i)].Add(0, by_q[dof]);
@@ -237,12 +256,16 @@ void Adjoint::AddStateSlopes(const SceneDynamics::Numbers& by_q,
 }
 
 /// Adds the cotangents of the paths to those of the parameters, and clears them.
-void Adjoint::AddToParameters() {
+template <class Space>
+void Adjoint<Space>::AddToParameters() {
   for (int j = 0; j < joints_; ++j) {
     auto& bar = pullback_.paths[Index(j)];
     forward_.paths.AddToParameters(pullback_.point, j, bar, parameters_);
     bar.fill(OutputLanes::Zero());
   }
 }
+
+template class Adjoint<Plane>;
+template class Adjoint<Spatial>;
 
 }  // namespace tumbler

@@ -25,14 +25,20 @@ namespace tumbler {
 /// and those of the joints' paths at the stage, (df/d(q_a, qd_a, qdd_a))^T k_bar_s and likewise,
 /// go to the parameters by PathTable::AddToParameters.
 ///
+/// In space, the cotangents of a root's angles and their rates are taken back to the chart of a
+/// step before it (RootChart::PullBack).
+///
 /// The price is that of a matrix times a vector for each stage and output, and hardly depends on
 /// the number of parameters. docs/benchmarks.md compares it with ForwardSensitivity.
 ///
 /// No heap after the first Run.
+template <class Space>
 class Adjoint {
  public:
+  using Dynamics = SceneDynamicsIn<Space>;
+
   /// @param forward  is kept by reference.
-  explicit Adjoint(Propagation& forward);
+  explicit Adjoint(Propagation<Space>& forward);
 
   /// Writes the gradients of the outputs of forward.Run(x, ForwardPass::kGradient), the last run,
   /// by rows (OutputRows).
@@ -40,8 +46,8 @@ class Adjoint {
   void Run(const RolloutResult& result, std::span<double> gradient);
 
  private:
-  static constexpr std::size_t kStates = std::tuple_size_v<SceneDynamics::State>;
-  static constexpr int kMaxDofs = SceneDynamics::kMaxDofs;
+  static constexpr std::size_t kStates = std::tuple_size_v<typename Dynamics::State>;
+  static constexpr int kMaxDofs = Dynamics::kMaxDofs;
   using StateBar = std::array<OutputLanes, kStates>;
 
   /// An output that goes back in a lane.
@@ -74,12 +80,12 @@ class Adjoint {
   OutputLanes TorqueSlopes(std::size_t stage, int joint, double of_cost) const;
   void AddStretch(std::size_t stage, double growth, double b, const StateBar& k_bar);
   void AddCurveSlopes(std::size_t stage);
-  void AddStateSlopes(const SceneDynamics::Numbers& by_q, const SceneDynamics::Numbers& by_qd,
-                      bool moving, StateBar& y_bar);
+  void AddStateSlopes(const typename Dynamics::Numbers& by_q,
+                      const typename Dynamics::Numbers& by_qd, bool moving, StateBar& y_bar);
   void CollectPathsAt(int point);
   void AddToParameters();
 
-  Propagation& forward_;
+  Propagation<Space>& forward_;
   int free_, joints_, dofs_;  // numbers of free degrees of freedom, of joints, and of both
   Pullback pullback_;
   std::vector<OutputLanes> parameters_;  // the cotangents of the parameters

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "common/core/functions.h"
@@ -32,14 +33,15 @@ struct ClearanceConstraint::Implementation {
 
   Implementation(const Problem& p, double step_s)
       : problem(p),
-        distances(p.scene.robot, p.scene.self_contact.pairs),
+        plane(PlaneDistances(p)),
+        space(SpaceDistances(p)),
         steps(p.free_duration ? p.free_duration->max_s : p.duration_s, step_s, 1),
         rho(p.solver.sharpness),
-        reach_m(p.scene.self_contact.clearance_m - kNegligibleExponent / rho * kClearanceScale_m),
-        q(p.scene.robot.tree.dofs.size(), 0.0),
+        reach_m(p.self_contact().clearance_m - kNegligibleExponent / rho * kClearanceScale_m),
+        q(p.dof_count(), 0.0),
         slopes(p.joints.size()),
         ends(p.joints.size()) {
-    if (p.scene.self_contact.pairs.empty()) return;
+    if (p.self_contact().pairs.empty()) return;
     std::vector<double> longest(Index(p.parameter_count()), 0.0);
     if (p.free_duration) longest.back() = p.free_duration->max_s / p.duration_s;
     for (std::size_t j = 0; j < p.joints.size(); ++j) {
@@ -82,9 +84,9 @@ struct ClearanceConstraint::Implementation {
       SetJoints(k, x);
       const double time = (k == 0 || k == steps.count ? 0.5 : 1.0) * step_s / kSampleTime_s;
       std::fill(slopes.begin(), slopes.end(), 0.0);
-      for (const SelfDistances::Near& near : distances.FindNearer(q, reach_m)) {
+      const auto add = [&](const auto& near) {
         const double value =
-            (problem.scene.self_contact.clearance_m - near.distance_m) / kClearanceScale_m;
+            (problem.self_contact().clearance_m - near.distance_m) / kClearanceScale_m;
         if (sum == 0) largest = value;
         if (value > largest) {
           const double shrink = portable::Exp(rho * (largest - value));
@@ -97,6 +99,11 @@ struct ClearanceConstraint::Implementation {
         sum += weight;
         for (std::size_t j = 0; j < slopes.size(); ++j)
           slopes[j] -= weight * near.slopes[Index(problem.joints[j].dof)] / kClearanceScale_m;
+      };
+      if (space) {
+        std::ranges::for_each(space->FindNearer(q, reach_m), add);
+      } else {
+        std::ranges::for_each(plane->FindNearer(q, reach_m), add);
       }
       if (!gradient.empty()) AddToParameters(k, gradient);
     }
@@ -136,8 +143,18 @@ struct ClearanceConstraint::Implementation {
     return sum;
   }
 
+  static std::optional<SelfDistances> PlaneDistances(const Problem& p) {
+    if (p.space) return std::nullopt;
+    return SelfDistances(p.scene.robot, p.scene.self_contact.pairs);
+  }
+  static std::optional<SpaceSelfDistances> SpaceDistances(const Problem& p) {
+    if (!p.space) return std::nullopt;
+    return SpaceSelfDistances(p.space->scene.robot, p.space->scene.self_contact.pairs);
+  }
+
   Problem problem;
-  SelfDistances distances;
+  std::optional<SelfDistances> plane;  // one of the two
+  std::optional<SpaceSelfDistances> space;
   EvenSteps steps;
   double rho;
   double reach_m;  // pairs farther apart than this have no share

@@ -35,7 +35,7 @@ struct Active {
 
 /// Name of an actuated joint.
 const std::string& JointName(const Problem& problem, std::size_t joint) {
-  return problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[joint].dof)].name;
+  return problem.joint_name(joint);
 }
 
 /// Name of the limits of a parameter.
@@ -161,8 +161,7 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
       std::vector<LinearRow> upper(points);
       for (std::size_t k = 0; k < points; ++k) {
         upper[k].name =
-            std::string(d == 1 ? "velocity of " : "acceleration of ") +
-            problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
+            std::string(d == 1 ? "velocity of " : "acceleration of ") + problem.joint_name(j);
         upper[k].a.assign(n, 0.0);
         upper[k].b = base[k] / limit[d];
         upper[k].derivative = d;
@@ -201,7 +200,7 @@ std::vector<double> SimulatedConstraints(const Problem& problem, const RolloutRe
   for (const double excess : result.torque_excess)
     values.push_back(excess + problem.solver.torque_margin);
   values.push_back(result.penetration_excess);
-  if (!problem.scene.self_contact.pairs.empty()) values.push_back(result.clearance_excess);
+  if (!problem.self_contact().pairs.empty()) values.push_back(result.clearance_excess);
   return values;
 }
 

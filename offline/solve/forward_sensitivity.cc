@@ -15,6 +15,7 @@
 #include "offline/solve/motion_outputs.h"
 #include "offline/solve/parametric_motion.h"
 #include "offline/solve/paths_with_slopes.h"
+#include "offline/solve/start_state.h"
 
 namespace tumbler {
 namespace {
@@ -314,7 +315,7 @@ struct ForwardSensitivity::Implementation {
   void SetStart() {
     std::vector<double>& state = integrator.state();
     std::fill(state.begin(), state.end(), 0.0);
-    const SceneDynamics::State first = motion.StartState(robot);
+    const SceneDynamics::State first = StartState(robot, motion.problem());
     std::copy_n(first.begin(), 2 * nf, state.begin());
     for (const FreeStart::Rate& rate : motion.start().rates())
       Sensitivity(state, nf + robot.FreeIndexOf(rate.dof))[rate.parameter] = 1;

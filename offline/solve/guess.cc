@@ -103,7 +103,7 @@ void Fit(const Path& path, Path& nearest) {
 double Fade(double s) { return s * s * s * (10 - s * (15 - 6 * s)); }
 
 const std::string& NameOf(const Problem& problem, std::size_t joint) {
-  return problem.scene.robot.tree.dofs[Index(problem.joints[joint].dof)].name;
+  return problem.joint_name(joint);
 }
 
 /// Which of a primitive's joints is that of the problem.

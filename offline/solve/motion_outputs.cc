@@ -11,7 +11,7 @@ MotionOutputs::MotionOutputs(const ParametricMotion& motion, double step_s)
     : motion_(motion),
       clearance_(motion.problem(), step_s),
       depth_(sharpness(),
-             (1 - motion.problem().solver.core_margin) * motion.problem().scene.contact.d_on_m) {
+             (1 - motion.problem().solver.core_margin) * motion.problem().contact().d_on_m) {
   for (int j = 0; j < motion.joints(); ++j) {
     if (LimitsTorqueBySpeed(motion.joint(j))) curved_.push_back(j);
   }
@@ -38,7 +38,9 @@ double MotionOutputs::PenetrationExcess(const SmoothMaximum& maximum) const {
   return std::max(-1.0, depth_.least() + maximum.value() - 1);
 }
 
-bool MotionOutputs::AddPenetrationSlopes(SceneDynamics& robot, SceneDynamics::Numbers& by_q) const {
+template <class Space>
+bool MotionOutputs::AddPenetrationSlopes(SceneDynamicsIn<Space>& robot,
+                                         typename SceneDynamicsIn<Space>::Numbers& by_q) const {
   const std::span<const double> slopes = depth_.slopes();
   bool any = false;
   for (std::size_t i = 0; i < slopes.size(); ++i) {
@@ -49,12 +51,13 @@ bool MotionOutputs::AddPenetrationSlopes(SceneDynamics& robot, SceneDynamics::Nu
   return any;
 }
 
-void MotionOutputs::RecordPeaks(const SceneDynamics& robot, RolloutResult& result) const {
+template <class Space>
+void MotionOutputs::RecordPeaks(const SceneDynamicsIn<Space>& robot, RolloutResult& result) const {
   for (int j = 0; j < motion_.joints(); ++j) {
     double& peak = result.peak_torque_nm[Index(j)];
     peak = std::max(peak, std::abs(robot.tau[Index(motion_.joint(j).dof)]));
   }
-  for (const ActiveContact<Plane>& active : robot.contact->active()) {
+  for (const ActiveContact<Space>& active : robot.contact->active()) {
     result.any_contact = true;
     result.peak_penetration_m = std::max(result.peak_penetration_m, active.depth_m);
   }
@@ -66,11 +69,22 @@ void MotionOutputs::RecordTarget(const CostTerm& term, const CostPoint& here,
   if (term.draws()) result.residuals.push_back(term.Residual(here));
 }
 
-MotionOutputs::TermSlopes MotionOutputs::SlopesOf(const CostTerm& term, const CostPoint& here) {
-  TermSlopes slopes;
+template <class Space>
+MotionOutputs::TermSlopesIn<Space> MotionOutputs::SlopesOf(const CostTerm& term,
+                                                           const CostPoint& here) {
+  TermSlopesIn<Space> slopes;
   term.AddSlopes(term.weight, here, {slopes.by_q, slopes.by_qd, {}});
   if (term.draws()) slopes.by_target = -2 * std::sqrt(term.weight) * term.Residual(here);
   return slopes;
 }
+
+template bool MotionOutputs::AddPenetrationSlopes(SceneDynamics&, SceneDynamics::Numbers&) const;
+template bool MotionOutputs::AddPenetrationSlopes(SpaceDynamics&, SpaceDynamics::Numbers&) const;
+template void MotionOutputs::RecordPeaks(const SceneDynamics&, RolloutResult&) const;
+template void MotionOutputs::RecordPeaks(const SpaceDynamics&, RolloutResult&) const;
+template MotionOutputs::TermSlopesIn<Plane> MotionOutputs::SlopesOf<Plane>(const CostTerm&,
+                                                                           const CostPoint&);
+template MotionOutputs::TermSlopesIn<Spatial> MotionOutputs::SlopesOf<Spatial>(const CostTerm&,
+                                                                               const CostPoint&);
 
 }  // namespace tumbler

@@ -67,15 +67,19 @@ class MotionOutputs {
 
   /// Smooth maximum over all contacts of (penetration / usable part of the layer) above that of
   /// SmoothDepth::least, 0 without deep contacts, after SceneDynamics::TouchAndSolve.
-  double Penetration(const SceneDynamics& robot) {
+  template <class Space>
+  double Penetration(const SceneDynamicsIn<Space>& robot) {
     return depth_.Evaluate(robot.contact->active());
   }
   /// Adds the derivatives of the last Penetration in the positions.
   /// @returns whether there are any.
-  bool AddPenetrationSlopes(SceneDynamics& robot, SceneDynamics::Numbers& by_q) const;
+  template <class Space>
+  bool AddPenetrationSlopes(SceneDynamicsIn<Space>& robot,
+                            typename SceneDynamicsIn<Space>::Numbers& by_q) const;
 
   /// Takes the robot at the start of a step into the peaks of torque and penetration.
-  void RecordPeaks(const SceneDynamics& robot, RolloutResult& result) const;
+  template <class Space>
+  void RecordPeaks(const SceneDynamicsIn<Space>& robot, RolloutResult& result) const;
 
   /// Calls visit(i, term) for each term i of the cost that looks at an instant.
   template <class Visit>
@@ -89,11 +93,14 @@ class MotionOutputs {
   static void RecordTarget(const CostTerm& term, const CostPoint& here, RolloutResult& result);
 
   /// The derivatives of what a term at an instant adds to the cost.
-  struct TermSlopes {
-    SceneDynamics::Numbers by_q{}, by_qd{};
+  template <class Space>
+  struct TermSlopesIn {
+    typename SceneDynamicsIn<Space>::Numbers by_q{}, by_qd{};
     double by_target = 0;  ///< Of a term that draws; its target may follow from a free start.
   };
-  static TermSlopes SlopesOf(const CostTerm& term, const CostPoint& here);
+  using TermSlopes = TermSlopesIn<Plane>;
+  template <class Space = Plane>
+  static TermSlopesIn<Space> SlopesOf(const CostTerm& term, const CostPoint& here);
 
  private:
   [[nodiscard]] double sharpness() const { return motion_.problem().solver.sharpness; }

@@ -2,7 +2,8 @@
 
 namespace tumbler {
 
-MotionRecord::MotionRecord(const ParametricMotion& motion, SceneDynamics& robot)
+template <class Space>
+MotionRecord<Space>::MotionRecord(const ParametricMotion& motion, Dynamics& robot)
     : robot_(robot),
       free_(robot.free.size()),
       joints_(motion.problem().joints.size()),
@@ -15,21 +16,24 @@ MotionRecord::MotionRecord(const ParametricMotion& motion, SceneDynamics& robot)
   });
 }
 
-void MotionRecord::Resize(const Timetable& table) {
+template <class Space>
+void MotionRecord<Space>::Resize(const Timetable& table) {
   const std::size_t stages = Index(table.steps() * table.stages);
-  torque_.resize(stages * joints_);
-  penetration_.resize(stages);
+  values_.torque.resize(stages * joints_);
+  values_.penetration.resize(stages);
   penetration_slope_.resize(stages * order_.size());
   dynamics_.clear();
 }
 
-void MotionRecord::PrepareDerivatives() {
+template <class Space>
+void MotionRecord<Space>::PrepareDerivatives() {
   if (!dynamics_.empty()) return;
-  dynamics_.resize(penetration_.size() * stage_size_);
-  if (integrates_state_) states_.resize(penetration_.size() * 2 * robot_.n);
+  dynamics_.resize(values_.penetration.size() * stage_size_);
+  if (integrates_state_) states_.resize(values_.penetration.size() * 2 * robot_.n);
 }
 
-void MotionRecord::StoreDerivatives(std::size_t stage, const double* slope) {
+template <class Space>
+void MotionRecord<Space>::StoreDerivatives(std::size_t stage, const double* slope) {
   robot_.DifferentiateFactored(derivatives_);
   const auto& input = derivatives_.input;
   const std::span<const int> order(order_), joints = order.subspan(free_);
@@ -52,5 +56,8 @@ void MotionRecord::StoreDerivatives(std::size_t stage, const double* slope) {
   std::copy_n(robot_.q.begin(), robot_.n, states);
   std::copy_n(robot_.qd.begin(), robot_.n, states + robot_.n);
 }
+
+template class MotionRecord<Plane>;
+template class MotionRecord<Spatial>;
 
 }  // namespace tumbler

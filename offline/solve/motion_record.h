@@ -14,14 +14,23 @@
 
 namespace tumbler {
 
+/// The quantities at the stages of a motion of which smooth maxima are taken.
+struct StageValues {
+  std::vector<double> torque;       ///< By stage, then joint [N m].
+  std::vector<double> penetration;  ///< MotionOutputs::Penetration, by stage.
+};
+
 /// What the stages of a simulated motion leave behind, by stage: the torques of the joints and the
 /// depth of contacts, for the smooth maxima; and, where a gradient is to follow, everything that
 /// Adjoint needs to go back through them without a second simulation.
+template <class Space>
 class MotionRecord {
  public:
+  using Dynamics = SceneDynamicsIn<Space>;
+
   /// @param motion  is kept by reference.
   /// @param robot   likewise.
-  MotionRecord(const ParametricMotion& motion, SceneDynamics& robot);
+  MotionRecord(const ParametricMotion& motion, Dynamics& robot);
 
   /// Makes room for the stages of a timetable. That for derivatives is made by the first
   /// PrepareDerivatives after it.
@@ -31,15 +40,15 @@ class MotionRecord {
   /// Stores the torques of the robot as it was just evaluated.
   /// @returns the stage as the cost sees it.
   CostPoint StoreTorques(std::size_t stage) {
-    double* const torques = &torque_[stage * joints_];
+    double* const torques = &values_.torque[stage * joints_];
     for (std::size_t j = 0; j < joints_; ++j) torques[j] = robot_.tau[Index(order_[free_ + j])];
     return {robot_.q, robot_.qd, {torques, joints_}};
   }
   void StorePenetration(std::size_t stage, double penetration) {
-    penetration_[stage] = penetration;
+    values_.penetration[stage] = penetration;
   }
   /// Stores the derivatives of the penetration in the positions.
-  void StorePenetrationSlopes(std::size_t stage, const SceneDynamics::Numbers& by_q) {
+  void StorePenetrationSlopes(std::size_t stage, const typename Dynamics::Numbers& by_q) {
     double* const slopes = &penetration_slope_[stage * order_.size()];
     for (std::size_t i = 0; i < order_.size(); ++i) slopes[i] = by_q[Index(order_[i])];
   }
@@ -50,18 +59,15 @@ class MotionRecord {
   /// A stored stage as the cost saw it. Positions and velocities are there only where an integral
   /// of the cost depends on them.
   [[nodiscard]] CostPoint At(std::size_t stage) const {
-    const std::span<const double> torques(&torque_[stage * joints_], joints_);
+    const std::span<const double> torques(&values_.torque[stage * joints_], joints_);
     if (!integrates_state_) return {{}, {}, torques};
     const std::size_t n = robot_.n;
     const double* const states = &states_[stage * 2 * n];
     return {{states, n}, {states + n, n}, torques};
   }
 
-  /// Torques by stage, then joint [N m].
-  [[nodiscard]] const std::vector<double>& torque() const { return torque_; }
-  /// MotionOutputs::Penetration, by stage.
-  [[nodiscard]] const std::vector<double>& penetration() const { return penetration_; }
-  /// Its derivatives in the positions, in `order`.
+  [[nodiscard]] const StageValues& values() const { return values_; }
+  /// The derivatives of the penetration in the positions, in `order`.
   [[nodiscard]] const double* penetration_slopes(std::size_t stage) const {
     return &penetration_slope_[stage * order_.size()];
   }
@@ -81,16 +87,17 @@ class MotionRecord {
   [[nodiscard]] bool integrates_state() const { return integrates_state_; }
 
  private:
-  SceneDynamics& robot_;
+  Dynamics& robot_;
   std::size_t free_, joints_;  // numbers of free degrees of freedom and of joints
   std::vector<int> order_;
   bool keeps_slope_;  // of the state
   bool integrates_state_ = false;
   std::size_t stage_size_;  // of `dynamics_`
-  std::vector<double> torque_, penetration_, penetration_slope_;
+  StageValues values_;
+  std::vector<double> penetration_slope_;
   std::vector<double> dynamics_;
   std::vector<double> states_;  // positions, then velocities, of a stage
-  HybridDynamics<Plane>::Derivatives derivatives_;
+  typename HybridDynamics<Space>::Derivatives derivatives_;
 };
 
 }  // namespace tumbler

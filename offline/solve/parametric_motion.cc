@@ -1,7 +1,5 @@
 #include "offline/solve/parametric_motion.h"
 
-#include "offline/solve/start_state.h"
-
 namespace tumbler {
 
 ParametricMotion::ParametricMotion(const Problem& problem)
@@ -23,10 +21,6 @@ bool ParametricMotion::Set(std::span<const double> x) {
   }
   start_.Set(problem_, x);
   return true;
-}
-
-SceneDynamics::State ParametricMotion::StartState(const SceneDynamics& robot) const {
-  return tumbler::StartState(robot, problem_);
 }
 
 }  // namespace tumbler

@@ -6,7 +6,6 @@
 #include "common/core/index.h"
 #include "offline/problem/free_start.h"
 #include "offline/problem/problem.h"
-#include "offline/scene/scene_dynamics.h"
 #include "offline/solve/free_duration.h"
 
 namespace tumbler {
@@ -34,9 +33,6 @@ class ParametricMotion {
   [[nodiscard]] const FreeStart& start() const { return start_; }
   /// At which the cost looks, in the order of time.
   [[nodiscard]] std::span<const CostInstant> instants() const { return instants_; }
-  /// The state of the free degrees of freedom in which the motion begins.
-  [[nodiscard]] SceneDynamics::State StartState(const SceneDynamics& robot) const;
-
   [[nodiscard]] int joints() const { return joints_; }
   [[nodiscard]] int parameters() const { return parameters_; }
   /// Index of the first parameter of a joint.

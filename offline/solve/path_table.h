@@ -30,7 +30,8 @@ class PathTable {
   void EvaluateSlopes();
 
   /// Puts the actuated joints where they are at a point; at that after the last one, at their ends.
-  void PlaceJoints(int point, SceneDynamics& robot) const {
+  template <class Space>
+  void PlaceJoints(int point, SceneDynamicsIn<Space>& robot) const {
     const bool moving = point < points();
     const std::size_t k = Index(moving ? point : point - 1);
     for (int j = 0; j < motion_.joints(); ++j) {

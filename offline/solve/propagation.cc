@@ -9,21 +9,24 @@
 #include "common/core/index.h"
 #include "offline/scene/stepper.h"
 #include "offline/solve/rollout_result.h"
+#include "offline/solve/start_state.h"
 
 namespace tumbler {
 
-Propagation::Propagation(const Problem& problem, double step_s,
-                         std::unique_ptr<ContactForces<Plane>> contact)
+template <class Space>
+Propagation<Space>::Propagation(const Problem& problem, double step_s,
+                                std::unique_ptr<ContactForces<Space>> contact)
     : motion(problem),
-      robot(problem.scene, std::move(contact)),
+      robot(SceneIn<Space>(problem), std::move(contact)),
       outputs(motion, step_s),
       longest_step_s(step_s),
       grid(EvenGrid(problem, step_s)),
       table(kClassical, grid, problem.duration_s, motion.instants()),
       paths(motion),
       record(motion, robot),
-      maxima(motion, outputs, table, paths, record),
+      maxima(motion, outputs, table, paths, record.values()),
       instant_states(motion.instants().size()),
+      instant_charts(motion.instants().size()),
       clearance_gradient(Index(motion.parameters())) {
   for (const CostTerm& term : problem.cost) {
     if (term.when == CostTerm::When::kThroughout) running.push_back({term});
@@ -32,13 +35,16 @@ Propagation::Propagation(const Problem& problem, double step_s,
 }
 
 /// Makes everything that depends on the timetable.
-void Propagation::Resize() {
+template <class Space>
+void Propagation<Space>::Resize() {
   paths.Tabulate(table);
   record.Resize(table);
   maxima.Resize();
+  if constexpr (RootChart<Space>::kMoves) turns.resize(Index(table.steps()));
 }
 
-void Propagation::Use(const StepGrid& new_grid) {
+template <class Space>
+void Propagation<Space>::Use(const StepGrid& new_grid) {
   const FreeDuration& duration = motion.duration();
   const double motion_s = std::accumulate(new_grid.motion.begin(), new_grid.motion.end(), 0.0);
   const double settling_s =
@@ -57,7 +63,8 @@ void Propagation::Use(const StepGrid& new_grid) {
   Resize();
 }
 
-bool Propagation::SetMotion(std::span<const double> x) {
+template <class Space>
+bool Propagation<Space>::SetMotion(std::span<const double> x) {
   const double before_s = motion.duration_s();
   if (!motion.Set(x)) return false;
   if (motion.duration_s() != before_s) {
@@ -69,12 +76,14 @@ bool Propagation::SetMotion(std::span<const double> x) {
   return true;
 }
 
-RolloutResult Propagation::Run(std::span<const double> x, ForwardPass pass) {
+template <class Space>
+RolloutResult Propagation<Space>::Run(std::span<const double> x, ForwardPass pass) {
   return table.classical ? RunScheme<kClassical>(x, pass) : RunScheme<kDormandPrince>(x, pass);
 }
 
+template <class Space>
 template <const Tableau& kScheme>
-RolloutResult Propagation::RunScheme(std::span<const double> x, ForwardPass pass) {
+RolloutResult Propagation<Space>::RunScheme(std::span<const double> x, ForwardPass pass) {
   const bool with_record = pass == ForwardPass::kGradient;
   RolloutResult result = outputs.Begin();
   if (!SetMotion(x)) return MotionOutputs::Failed(std::move(result));
@@ -82,29 +91,34 @@ RolloutResult Propagation::RunScheme(std::span<const double> x, ForwardPass pass
   result.clearance_excess = outputs.ClearanceExcess(
       x, with_record ? std::span<double>(clearance_gradient) : std::span<double>());
   if (with_record) record.PrepareDerivatives();
-  SceneDynamics::State y = motion.StartState(robot);
+  State y = StartState(robot, motion.problem());
+  RootChart<Space> chart = StartChart<Space>(motion.problem());
+  robot.Use(chart);
   for (RunningTerm& term : running) term.integral = 0;
   std::size_t instant = 0;
   for (int step = 0; step < table.steps(); ++step) {
-    AddInstants(step, y, instant, result);
+    AddInstants(step, y, chart, instant, result);
     if (pass == ForwardPass::kEstimate) {
       StepByEuler(step, y, result);
     } else {
       StepByRungeKutta<kScheme>(step, with_record, y, result);
     }
     if (!IsPlausible(y)) return MotionOutputs::Failed(std::move(result));
+    if constexpr (RootChart<Space>::kMoves) turns[Index(step)] = MoveOn(chart, y);
   }
-  AddInstants(table.steps(), y, instant, result);
+  AddInstants(table.steps(), y, chart, instant, result);
   for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
   maxima.Evaluate(pass, result);
   return result;
 }
 
 /// Adds the cost of all instants from `next` on at which this step begins.
-void Propagation::AddInstants(int step, const SceneDynamics::State& y, std::size_t& next,
-                              RolloutResult& result) {
+template <class Space>
+void Propagation<Space>::AddInstants(int step, const State& y, const RootChart<Space>& chart,
+                                     std::size_t& next, RolloutResult& result) {
   for (; next < instant_states.size() && table.step_at[next] == step; ++next) {
     instant_states[next] = y;
+    instant_charts[next] = chart;
     const CostPoint here = InstantAt(next);
     outputs.ForEachTermAt(motion.instants()[next], [&](std::size_t, const CostTerm& term) {
       result.cost = term.Accumulate(result.cost, term.weight, here);
@@ -113,12 +127,13 @@ void Propagation::AddInstants(int step, const SceneDynamics::State& y, std::size
   }
 }
 
+template <class Space>
 template <const Tableau& kScheme>
-void Propagation::StepByRungeKutta(int step, bool with_record, SceneDynamics::State& y,
-                                   RolloutResult& result) {
+void Propagation<Space>::StepByRungeKutta(int step, bool with_record, State& y,
+                                          RolloutResult& result) {
   const double h = table.length[Index(step)];
   const std::size_t size = 2 * robot.free.size();
-  StepRungeKutta<kScheme>(y, size, h, [&](int s, const SceneDynamics::State& y_s, double* k) {
+  StepRungeKutta<kScheme>(y, size, h, [&](int s, const State& y_s, double* k) {
     Evaluate(y_s, table.PointOf(step, s));
     robot.TakeSlope(k);
     const std::size_t stage = table.StageOf(step, s);
@@ -126,7 +141,7 @@ void Propagation::StepByRungeKutta(int step, bool with_record, SceneDynamics::St
     if (s == 0) outputs.RecordPeaks(robot, result);
     record.StorePenetration(stage, outputs.Penetration(robot));
     if (!with_record) return true;
-    SceneDynamics::Numbers by_q{};
+    typename Dynamics::Numbers by_q{};
     outputs.AddPenetrationSlopes(robot, by_q);
     record.StorePenetrationSlopes(stage, by_q);
     record.StoreDerivatives(stage, k);
@@ -134,10 +149,11 @@ void Propagation::StepByRungeKutta(int step, bool with_record, SceneDynamics::St
   });
 }
 
-void Propagation::StepByEuler(int step, SceneDynamics::State& y, RolloutResult& result) {
+template <class Space>
+void Propagation<Space>::StepByEuler(int step, State& y, RolloutResult& result) {
   const double h = table.length[Index(step)];
   const std::size_t size = robot.free.size();
-  StepSemiImplicitEuler(y, size, h, [&](int, const SceneDynamics::State& y_s, double* k) {
+  StepSemiImplicitEuler(y, size, h, [&](int, const State& y_s, double* k) {
     Evaluate(y_s, table.PointOf(step, 0));
     robot.TakeSlope(k);
     const std::size_t stage = table.StageOf(step, 0);
@@ -149,15 +165,20 @@ void Propagation::StepByEuler(int step, SceneDynamics::State& y, RolloutResult& 
 }
 
 /// Adds a stage to the integrals, with weight dt.
-void Propagation::AddRunning(double dt, const CostPoint& here) {
+template <class Space>
+void Propagation<Space>::AddRunning(double dt, const CostPoint& here) {
   for (RunningTerm& term : running) term.integral = term.Accumulate(term.integral, dt, here);
 }
 
-bool Propagation::IsPlausible(const SceneDynamics::State& y) const {
+template <class Space>
+bool Propagation<Space>::IsPlausible(const State& y) const {
   for (std::size_t i = 0; i < 2 * robot.free.size(); ++i) {
     if (!(std::abs(y[i]) < kImplausibleState)) return false;  // NaN is implausible, too.
   }
   return true;
 }
+
+template struct Propagation<Plane>;
+template struct Propagation<Spatial>;
 
 }  // namespace tumbler

@@ -22,9 +22,13 @@ namespace tumbler {
 /// Run does all of it. The functions after it are the parts that Adjoint and Rollout::Visit need.
 /// No heap in Run but for its result, after the first with ForwardPass::kGradient, unless the
 /// duration changes.
+template <class Space>
 struct Propagation {
+  using Dynamics = SceneDynamicsIn<Space>;
+  using State = typename Dynamics::State;
+
   /// @param contact  replaces the general contact model; null: the general one.
-  Propagation(const Problem& problem, double step_s, std::unique_ptr<ContactForces<Plane>> contact);
+  Propagation(const Problem& problem, double step_s, std::unique_ptr<ContactForces<Space>> contact);
   Propagation(const Propagation&) = delete;  // Its parts refer to each other.
   Propagation& operator=(const Propagation&) = delete;
 
@@ -38,10 +42,21 @@ struct Propagation {
   /// @returns false when the cost would look at a time that is not within the motion.
   bool SetMotion(std::span<const double> x);
   /// Computes the dynamics in a state, with the joints at a point of the timetable.
-  void Evaluate(const SceneDynamics::State& y, int point) {
+  void Evaluate(const State& y, int point) {
     robot.SetFree(y);
     paths.PlaceJoints(point, robot);
     robot.TouchAndSolve();
+  }
+  /// Moves a chart on after a step, to where the root is. Nothing in the plane.
+  typename RootChart<Space>::Turn MoveOn(RootChart<Space>& chart, State& y) {
+    if constexpr (RootChart<Space>::kMoves) {
+      constexpr std::size_t kFirst = RootChart<Space>::kFirst;
+      const auto turn = chart.MoveOn(&y[kFirst], &y[robot.free.size() + kFirst]);
+      robot.Use(chart);
+      return turn;
+    } else {
+      return {};
+    }
   }
   /// The point in time of an instant: at the end of the motion, the joints are held already.
   [[nodiscard]] int PointOf(std::size_t instant) const {
@@ -52,6 +67,13 @@ struct Propagation {
   CostPoint InstantAt(std::size_t instant) {
     robot.SetFree(instant_states[instant]);
     paths.PlaceJoints(PointOf(instant), robot);
+    return Seen(instant_charts[instant]);
+  }
+
+  /// The robot where it is now, as the cost sees it.
+  /// @param chart  has to stay while it is looked at.
+  [[nodiscard]] CostPoint Seen(const RootChart<Space>& chart) const {
+    if constexpr (RootChart<Space>::kMoves) return {robot.q, robot.qd, {}, &chart.axes};
     return {robot.q, robot.qd, {}};
   }
 
@@ -61,15 +83,17 @@ struct Propagation {
   };
 
   ParametricMotion motion;
-  SceneDynamics robot;
+  Dynamics robot;
   MotionOutputs outputs;
   double longest_step_s;  // as asked for
   StepGrid grid;          // which a free duration stretches
   Timetable table;
   PathTable paths;
-  MotionRecord record;
+  MotionRecord<Space> record;
   StageMaxima maxima;
-  std::vector<SceneDynamics::State> instant_states;
+  std::vector<State> instant_states;
+  std::vector<RootChart<Space>> instant_charts;
+  std::vector<typename RootChart<Space>::Turn> turns;  // at the end of each step, in space
   std::vector<RunningTerm> running;
   std::vector<double> clearance_gradient;
 
@@ -78,12 +102,12 @@ struct Propagation {
   template <const Tableau& kScheme>
   RolloutResult RunScheme(std::span<const double> x, ForwardPass pass);
   template <const Tableau& kScheme>
-  void StepByRungeKutta(int step, bool with_record, SceneDynamics::State& y, RolloutResult& result);
-  void StepByEuler(int step, SceneDynamics::State& y, RolloutResult& result);
-  void AddInstants(int step, const SceneDynamics::State& y, std::size_t& next,
+  void StepByRungeKutta(int step, bool with_record, State& y, RolloutResult& result);
+  void StepByEuler(int step, State& y, RolloutResult& result);
+  void AddInstants(int step, const State& y, const RootChart<Space>& chart, std::size_t& next,
                    RolloutResult& result);
   void AddRunning(double dt, const CostPoint& here);
-  [[nodiscard]] bool IsPlausible(const SceneDynamics::State& y) const;
+  [[nodiscard]] bool IsPlausible(const State& y) const;
 };
 
 }  // namespace tumbler

@@ -15,7 +15,7 @@ double Rank(const Problem& problem, const RolloutResult& result) {
     rank += problem.search.torque_penalty * above * above;
   }
   rank += problem.search.core_penalty *
-          std::max(0.0, result.peak_penetration_m / problem.scene.contact.d_on_m - 1);
+          std::max(0.0, result.peak_penetration_m / problem.contact().d_on_m - 1);
   rank += problem.search.clearance_penalty * std::max(0.0, result.clearance_excess);
   return rank;
 }

@@ -37,6 +37,9 @@ namespace tumbler {
 /// | StageMaxima | smooth maxima over the stages, and their derivatives |
 /// | Adjoint | back through the record |
 ///
+/// A problem in space (Problem::space) goes through the same parts, compiled for its algebra, and
+/// its root through one chart of orientations a step (RootChart). Its gradients are the adjoint's.
+///
 /// ForwardSensitivity shares ParametricMotion and MotionOutputs with it, and none of the others.
 ///
 /// Not thread-safe: one object per thread. After the first gradient, only the returned vectors
@@ -78,8 +81,12 @@ class Rollout {
 
   /// Visits the motion step by step, from 0 to the end of the settle phase and `extra_s` beyond.
   /// After the motion itself the joints are held at their ends.
+  /// @pre the problem is one in the plane.
   void Visit(std::span<const double> x, double extra_s,
              const std::function<void(const MotionSample&)>& visitor);
+  /// The same of a problem in space.
+  void VisitInSpace(std::span<const double> x, double extra_s,
+                    const std::function<void(const SpaceSample&)>& visitor);
 
  private:
   struct Implementation;

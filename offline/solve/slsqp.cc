@@ -78,7 +78,7 @@ class LocalSolve {
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
     best.constraint_violation = worst.value;
     best.worst_constraint = worst.name;
-    best.core_reached = result_.peak_penetration_m >= problem_.scene.contact.d_on_m;
+    best.core_reached = result_.peak_penetration_m >= problem_.contact().d_on_m;
     if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       end = SolveEnd::kInfeasible;
     best.evaluations = evaluations_;
@@ -104,7 +104,7 @@ class LocalSolve {
     // NLopt refuses a start that is outside of its bounds by a rounding, which sums come to be.
     for (std::size_t i = 0; i < n; ++i) x[i] = std::clamp(x[i], lower[i], upper[i]);
     opt.set_min_objective(&Objective, this);
-    const bool own = !problem_.scene.self_contact.pairs.empty();
+    const bool own = !problem_.self_contact().pairs.empty();
     const std::size_t constraints = rows_.size() + problem_.joints.size() + (own ? 2 : 1);
     opt.add_inequality_mconstraint(&Constraints, this, std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);

@@ -6,6 +6,8 @@
 #include <limits>
 
 #include "common/core/functions.h"
+#include "offline/model/plane.h"
+#include "offline/model/spatial.h"
 
 namespace tumbler {
 namespace {
@@ -164,10 +166,11 @@ void SmoothMaximum::AddGroup(const StepPoints::Group& group, const AtPoints& at_
 
 double SmoothMaximum::value() const { return largest_ + portable::Log(sum_) / rho_; }
 
-double SmoothDepth::Evaluate(std::span<const ActiveContact<Plane>> active) {
+template <class Space>
+double SmoothDepth::Evaluate(std::span<const ActiveContact<Space>> active) {
   slopes_.clear();
   double highest = -std::numeric_limits<double>::infinity();
-  const auto exponent_of = [&](const ActiveContact<Plane>& contact) {
+  const auto exponent_of = [&](const ActiveContact<Space>& contact) {
     return rho_ * (contact.depth_m / usable_m_ - least());
   };
   for (const auto& contact : active) highest = std::max(highest, exponent_of(contact));
@@ -187,5 +190,8 @@ double SmoothDepth::Evaluate(std::span<const ActiveContact<Plane>> active) {
   if (largest == 0) return portable::Log1p(others) / rho_;
   return (largest + portable::Log(one + others)) / rho_;
 }
+
+template double SmoothDepth::Evaluate(std::span<const ActiveContact<Plane>> active);
+template double SmoothDepth::Evaluate(std::span<const ActiveContact<Spatial>> active);
 
 }  // namespace tumbler

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "offline/model/contact_forces.h"
-#include "offline/model/plane.h"
 #include "offline/scene/tableau.h"
 
 namespace tumbler {
@@ -129,7 +128,8 @@ class SmoothDepth {
 
   [[nodiscard]] double least() const { return 1 + kNegligibleExponent / rho_; }
   /// @returns the value, 0 without contacts. The derivatives by the depths are `slopes` then.
-  double Evaluate(std::span<const ActiveContact<Plane>> active);
+  template <class Space>
+  double Evaluate(std::span<const ActiveContact<Space>> active);
   /// For each of the contacts of the last Evaluate [1/m]; none where its value was 0.
   [[nodiscard]] std::span<const double> slopes() const { return slopes_; }
 

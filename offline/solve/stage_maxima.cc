@@ -8,12 +8,12 @@
 namespace tumbler {
 
 StageMaxima::StageMaxima(const ParametricMotion& motion, const MotionOutputs& outputs,
-                         const Timetable& table, const PathTable& paths, const MotionRecord& record)
+                         const Timetable& table, const PathTable& paths, const StageValues& values)
     : motion_(motion),
       outputs_(outputs),
       table_(table),
       paths_(paths),
-      record_(record),
+      values_(values),
       by_step_length_(joints() + 1) {}
 
 void StageMaxima::Resize() {
@@ -40,14 +40,14 @@ void StageMaxima::Evaluate(ForwardPass pass, RolloutResult& result) {
   added_.clear();
   stretched_sum_ = 0;
   SmoothMaximum deepest = outputs_.EmptyPenetrationMaximum();
-  AddSteps(pass, {record_.penetration().data(), penetration_slope_.data(), 1, 1}, deepest);
+  AddSteps(pass, {values_.penetration.data(), penetration_slope_.data(), 1, 1}, deepest);
   by_step_length_.back() = FinishSlopes(deepest);
   result.penetration_excess = outputs_.PenetrationExcess(deepest);
   for (std::size_t j = 0; j < joints(); ++j) {
     if (!outputs_.IsTorqueLimited(static_cast<int>(j))) continue;
     const double limit = motion_.problem().joints[j].limits.torque_max_nm;
     SmoothMaximum largest = outputs_.EmptyTorqueMaximum();
-    AddSteps(pass, {&record_.torque()[j], &torque_slope_[j], joints(), limit}, largest);
+    AddSteps(pass, {&values_.torque[j], &torque_slope_[j], joints(), limit}, largest);
     const auto curved = outputs_.curved();
     const auto found = std::find(curved.begin(), curved.end(), static_cast<int>(j));
     by_step_length_[j] =
@@ -69,7 +69,7 @@ void StageMaxima::SetCurve(ForwardPass pass, std::size_t curved) {
       const double velocity = point < table_.held() ? paths_.At(point, j).qd : 0;
       const std::size_t stage = table_.StageOf(step, s);
       curve_[stage * count + curved] =
-          OnCurve(motion_.joint(j), record_.torque()[stage * joints() + Index(j)], velocity);
+          OnCurve(motion_.joint(j), values_.torque[stage * joints() + Index(j)], velocity);
     }
   }
 }

@@ -29,7 +29,7 @@ class StageMaxima {
  public:
   /// All are kept by reference.
   StageMaxima(const ParametricMotion& motion, const MotionOutputs& outputs, const Timetable& table,
-              const PathTable& paths, const MotionRecord& record);
+              const PathTable& paths, const StageValues& values);
 
   /// Makes room for the stages of the timetable.
   void Resize();
@@ -76,7 +76,7 @@ class StageMaxima {
   const MotionOutputs& outputs_;
   const Timetable& table_;
   const PathTable& paths_;
-  const MotionRecord& record_;
+  const StageValues& values_;
 
   LookPoints look_points_{kClassical, 0};
   std::vector<const StepPoints*> points_in_;  // each step

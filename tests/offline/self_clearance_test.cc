@@ -76,7 +76,7 @@ TEST(SignedDistance, CapsulesThatCrossAreAsFarInsideEachOtherAsTheShortestWayOut
   // A bar along x from -1 to 1, and one along z whose lower end is 0.2 below it.
   const auto bar = Shape<Plane>::Capsule({0, 0}, {}, 1, 0.01);
   const auto post = Shape<Plane>::Capsule({0.3, 0.8}, Plane::RotationBy(1, kPi / 2), 1, 0.02);
-  const SignedDistance crossing = FindSignedDistance(Posed(post), Posed(bar));
+  const SignedDistance<Plane> crossing = FindSignedDistance(Posed(post), Posed(bar));
   EXPECT_NEAR(crossing.d, -0.2 - 0.03, 1e-12);
   EXPECT_NEAR(crossing.u.x(), 0, 1e-12);
   EXPECT_NEAR(crossing.u.y(), 1, 1e-12) << "up and out";
@@ -107,7 +107,7 @@ TEST(SignedDistance, MovingAShapeOutByTheDepthFreesIt) {
     const Shape<Plane> b =
         Shape<Plane>::Box({0, 0}, Plane::RotationBy(1, Uniform(random, -3, 3)), {0.8, 0.2});
     a.radius_m = 0.05;
-    const SignedDistance inside = FindSignedDistance(Posed(a), Posed(b));
+    const SignedDistance<Plane> inside = FindSignedDistance(Posed(a), Posed(b));
     if (inside.d >= -0.05) continue;
     ++crossing;
     a.centre += (-inside.d + 1e-9) * inside.u;

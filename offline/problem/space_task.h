@@ -1,0 +1,29 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "common/files/key_table.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/robot.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// Reads a task of a robot in space, of which header, `robot`, `root` and `locked` were read.
+/// @param robot  with a floating root.
+/// @param given  the pose in which the motion begins instead of the task's: the entry of a
+/// primitive
+///               that was made from it.
+/// @throws FileError  with file, line, key, value and allowed range.
+Problem ReadSpaceTask(TomlTable root, const Robot& robot,
+                      const std::optional<PrimitivePose>& given);
+
+/// The pose of a robot in space as a primitive's file has it.
+PrimitivePose ToPrimitivePose(const SpacePose& pose, std::size_t root_dofs);
+
+/// What the file's keys are in space where they are others than in the plane, for docs/space.md.
+std::vector<KeyTable> SpaceTaskKeyTables();
+
+}  // namespace tumbler

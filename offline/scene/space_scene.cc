@@ -1,0 +1,192 @@
+#include "offline/scene/space_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "common/core/index.h"
+#include "common/files/toml_reader.h"
+#include "offline/model/robot_finding.h"
+#include "offline/scene/scene_dynamics.h"
+
+namespace tumbler {
+namespace in_space {
+namespace {
+
+constexpr double kReach_m = 10;
+constexpr double kStep_s = 1e-4;
+constexpr double kTime_s = 5;
+/// Numerical air resistance. It shortens the rocking and has no effect at rest.
+constexpr double kAir_per_s = 5;
+constexpr std::size_t kHeight = 2;
+
+/// Puts a robot into a pose, at rest.
+void Place(const SpacePose& pose, SpaceDynamics& robot) {
+  RootChart<Spatial> chart;
+  chart.axes = pose.orientation;
+  robot.Use(chart);
+  std::copy(pose.q.begin(), pose.q.end(), robot.q.begin());
+}
+
+/// The height at which the lowest shape just reaches the compliant layer, by bisection.
+double LowestHeight(SpaceDynamics& robot, const SpaceScene& scene) {
+  const auto touches = [&robot](double z) {
+    robot.q[kHeight] = z;
+    robot.Touch();
+    return !robot.contact->active().empty();
+  };
+  double low = -kReach_m, high = kReach_m;
+  if (touches(high)) {
+    const ActiveContact<Spatial>& inside = robot.contact->active().front();
+    throw std::runtime_error(fmt::format(
+        "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
+        "on it (a half-space lies behind its normal)",
+        high, inside.depth_m - scene.contact.d_on_m, TouchedName(scene, inside)));
+  }
+  for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+  return high;
+}
+
+/// What the robot's bodies fill: its collision shapes, and the visual shapes that are no meshes and
+/// no copy of a collision shape.
+std::vector<SpaceOwnShape> OwnShapesOf(const Robot& robot) {
+  std::vector<SpaceOwnShape> shapes;
+  for (const bool drawn : {false, true}) {
+    const std::size_t known = shapes.size();
+    for (const RobotShape& shape : drawn ? robot.visual_shapes : robot.collision_shapes) {
+      const std::optional<Shape<Spatial>> outline = SpatialOutline(shape);
+      if (!outline || shape.body < 0) continue;
+      SpaceOwnShape own{shape.name, shape.link, shape.body, *outline, drawn};
+      if (drawn) own.name.insert(own.link.size(), "/visual");
+      const auto end = shapes.begin() + static_cast<std::ptrdiff_t>(known);
+      const bool copy = drawn && std::any_of(shapes.begin(), end, [&own](const auto& other) {
+                          return other.body == own.body && other.shape == own.shape;
+                        });
+      if (!copy) shapes.push_back(std::move(own));
+    }
+  }
+  return shapes;
+}
+
+bool AtRest(const SpaceDynamics& robot) {
+  constexpr double kStill = 1e-7, kFree = 1e-5;
+  return std::ranges::all_of(robot.free, [&robot](int dof) {
+    return std::abs(robot.qd[dof]) < kStill && std::abs(robot.qdd[dof]) < kFree;
+  });
+}
+
+}  // namespace
+}  // namespace in_space
+
+int SpaceRobot::FindDof(std::string_view joint) const {
+  for (std::size_t j = Index(root_dofs); j < tree.dofs.size(); ++j) {
+    if (tree.dofs[j].name == joint) return static_cast<int>(j);
+  }
+  return -1;
+}
+
+const RobotLink* SpaceRobot::FindLink(std::string_view link) const {
+  const auto found = std::ranges::find(links, link, &RobotLink::name);
+  return found == links.end() ? nullptr : &*found;
+}
+
+double SpaceRobot::mass_kg() const {
+  double mass = 0;
+  for (const Dof<Spatial>& dof : tree.dofs) mass += dof.mass_kg;
+  return mass;
+}
+
+std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot) {
+  std::vector<RobotFinding> obstacles = robot.findings;
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    if (robot.MovesMass(static_cast<int>(j))) continue;
+    const std::string& name = robot.joints[j].link;
+    const RobotLink* const link = robot.FindLink(name);
+    obstacles.push_back({link == nullptr ? 0 : link->line, fmt::format("link '{}'", name),
+                         fmt::format("and all that it carries has no mass, so that '{}' cannot be "
+                                     "simulated; allowed: an <inertial>, or the joint in `locked`",
+                                     robot.tree.dofs[j].name)});
+  }
+  return obstacles;
+}
+
+SpaceRobot ReduceToSpace(const Robot& robot) {
+  std::vector<RobotFinding> obstacles = ObstaclesToPlanningInSpace(robot);
+  if (robot.tree.dofs.size() > Index(Spatial::kMaxDofs)) {
+    obstacles.push_back({0, "robot",
+                         fmt::format("has {} degrees of freedom, its root's included; allowed: up "
+                                     "to {}, lock some joints",
+                                     robot.tree.dofs.size(), Spatial::kMaxDofs)});
+  }
+  if (!obstacles.empty()) throw RobotFileError(robot.file, obstacles);
+  SpaceRobot out;
+  out.name = robot.name;
+  out.file = robot.file;
+  out.tree = robot.tree;
+  out.root_dofs = robot.root_dofs;
+  for (const RobotJoint& joint : robot.joints) {
+    out.body_names.push_back(joint.link);
+    out.limits.push_back(joint.limits);
+    out.dry_friction_nm.push_back(joint.dry_friction_nm);
+  }
+  out.links = robot.links;
+  out.locked = robot.locked;
+  ContactShapes<Spatial> contact = SpatialContactShapes(robot);
+  out.shapes = std::move(contact.shapes);
+  out.ignored_shapes = std::move(contact.ignored);
+  out.own_shapes = in_space::OwnShapesOf(robot);
+  return out;
+}
+
+const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spatial>& contact) {
+  if (contact.obstacle < 0) return scene.robot.shapes[Index(contact.other_shape)].name;
+  return scene.obstacles[Index(contact.obstacle)].name;
+}
+
+double TouchingHeight(const SpaceScene& scene, const SpacePose& pose) {
+  SpaceDynamics robot(scene);
+  in_space::Place(pose, robot);
+  return in_space::LowestHeight(robot, scene);
+}
+
+SpacePose RestPose(const SpaceScene& scene, SpacePose pose) {
+  SpaceDynamics robot(scene);
+  in_space::Place(pose, robot);
+  robot.q[in_space::kHeight] = in_space::LowestHeight(robot, scene);
+  const SpaceVector up = pose.orientation.transpose().col(2);  // in the root's frame
+  RootChart<Spatial> chart;
+  chart.axes = pose.orientation;
+  SpaceDynamics::State y = robot.AtRest({robot.q.data(), robot.n});
+  const std::size_t free = robot.free.size();
+  for (int step = 0; step < static_cast<int>(in_space::kTime_s / in_space::kStep_s); ++step) {
+    const auto slope = [&](int, const SpaceDynamics::State& y_s, double* k) {
+      robot.SetFree(y_s);
+      robot.TouchAndSolve();
+      robot.TakeSlope(k);
+      return step == 0 || !in_space::AtRest(robot);
+    };
+    const bool moved =
+        StepSemiImplicitEuler(y, free, in_space::kStep_s, slope, in_space::kAir_per_s);
+    chart.MoveOn(&y[RootChart<Spatial>::kFirst], &y[free + RootChart<Spatial>::kFirst]);
+    robot.Use(chart);
+    for (std::size_t i = 0; i < free; ++i) pose.q[Index(robot.free[i])] = y[i];
+    pose.orientation = chart.axes;
+    if (!moved) return pose;
+    const bool upright = up.dot(chart.axes.transpose().col(2)) >= 0;
+    if (!(upright && std::abs(pose.q[in_space::kHeight]) <= 2 * in_space::kReach_m &&
+          std::isfinite(pose.q[0])))
+      break;
+  }
+  throw std::runtime_error(
+      fmt::format("the robot does not come to rest at its start: it ends at x {:.4g} m, y {:.4g} "
+                  "m, z {:.4g} m, "
+                  "with its root's z at ({:.3g}, {:.3g}, {:.3g})",
+                  pose.q[0], pose.q[1], pose.q[2], pose.orientation.col(2).x(),
+                  pose.orientation.col(2).y(), pose.orientation.col(2).z()));
+}
+
+}  // namespace tumbler
