@@ -18,9 +18,11 @@
 #include "offline/model/least_squares.h"
 #include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
+#include "offline/problem/space_task.h"
 #include "offline/problem/take_free.h"
 #include "offline/solve/forward_sensitivity.h"
 #include "offline/solve/solve_near.h"
+#include "offline/solve/start_state.h"
 
 namespace tumbler {
 namespace {
@@ -50,13 +52,40 @@ Rollout OnGrid(const Problem& problem, const StepGrid& grid) {
   return rollout;
 }
 
-double FinalPitch(const Problem& problem, const std::vector<double>& x, const StepGrid& grid) {
-  double pitch = 0;
-  Rollout rollout = OnGrid(problem, grid);
-  rollout.Visit(x, 0, [&](const MotionSample& sample) {
-    pitch = RootPitchAt(sample.q, problem.scene.robot);
+/// The same for the motion with these parameters. In space the solver ends with equal steps.
+/// @param halved  whether each step is halved.
+Rollout AsSolved(const Problem& problem, const std::vector<double>& x, bool halved = false) {
+  if (problem.space) return {problem, problem.solver.step_s / (halved ? 2 : 1)};
+  const StepGrid grid = StepsFor(problem, x);
+  return OnGrid(problem, halved ? Halved(grid) : grid);
+}
+
+/// Where a motion ends: the pitch [rad] of a root in the plane. In space the place [m] and the axes
+/// of its frame.
+std::vector<double> FinalRoot(const Problem& problem, const std::vector<double>& x, bool halved) {
+  std::vector<double> root;
+  Rollout rollout = AsSolved(problem, x, halved);
+  if (!problem.space) {
+    rollout.Visit(x, 0, [&](const MotionSample& sample) {
+      root = {RootPitchAt(sample.q, problem.scene.robot)};
+    });
+    return root;
+  }
+  rollout.VisitInSpace(x, 0, [&](const SpaceSample& sample) {
+    root.assign(sample.q.begin(), sample.q.begin() + 3);
+    for (int axis = 0; axis < 3; ++axis) {
+      const SpaceVector& e = sample.orientation.col(axis);
+      root.insert(root.end(), {e.x(), e.y(), e.z()});
+    }
   });
-  return pitch;
+  return root;
+}
+
+/// The largest difference of two ends.
+double Apart(const std::vector<double>& a, const std::vector<double>& b) {
+  double apart = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) apart = std::max(apart, std::abs(a[i] - b[i]));
+  return apart;
 }
 
 /// At the optimum itself the gradient is zero, and a relative error says nothing.
@@ -169,16 +198,15 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
 
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
   const std::vector<double> at = BesideTheOptimum(x);
-  Rollout rollout = OnGrid(problem, StepsFor(problem, at));
+  Rollout rollout = AsSolved(problem, at);
   return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
                          at, CostGradient(rollout, at));
 }
 
 double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x) {
   const std::vector<double> at = BesideTheOptimum(x);
-  const StepGrid grid = StepsFor(problem, at);
-  Rollout rollout = OnGrid(problem, grid);
-  Rollout finer = OnGrid(problem, Halved(grid));
+  Rollout rollout = AsSolved(problem, at);
+  Rollout finer = AsSolved(problem, at, true);
   const std::vector<double> gradient = CostGradient(rollout, at);
   const std::vector<double> reference = CostGradient(finer, at);
   double change = 0, scale = 0;
@@ -190,6 +218,7 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
 }
 
 std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x) {
+  if (problem.space) return std::nullopt;
   if (problem.robust) return std::nullopt;
   StepSettings settings = AdaptiveSteps(problem);
   settings.tolerance = std::max(settings.tolerance / 100, kFinestTolerance);
@@ -207,32 +236,42 @@ MotionSummarizer::MotionSummarizer(const Problem& problem, double refinement)
   summary_.torques.torque_nm.resize(problem.joints.size());
 }
 
-void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
-  const PlanarRobot& robot = problem_.scene.robot;
+template <class Space>
+void MotionSummarizer::TakeRoot(const MotionSampleIn<Space>& sample) {
   const double t = sample.time_s;
-  if (count_ == 0) {
-    summary_.entry = PoseAt(sample.q, robot);
-    SetRates(problem_.start_root_rates, summary_.entry);
+  const bool exit = t <= problem_.duration_s + ExitAfter(problem_) + 1e-9;
+  if constexpr (std::is_same_v<Space, Plane>) {
+    const PlanarRobot& robot = problem_.scene.robot;
+    if (count_ == 0) {
+      summary_.entry = PoseAt(sample.q, robot);
+      SetRates(problem_.start_root_rates, summary_.entry);
+    }
+    summary_.exit = PoseAt(sample.q, robot);
+    const std::array<double, 3> rates = RootRatesOf(sample.qd, robot);
+    if (problem_.ends_moving() ||
+        std::ranges::any_of(rates, [](double v) { return std::abs(v) > CostTerm::kRateTolerance; }))
+      SetRates(rates, summary_.exit);
+    if (t <= problem_.duration_s + 1e-9) summary_.final_pitch_rad = RootPitchAt(sample.q, robot);
+    if (exit) summary_.settled_pitch_rad = RootPitchAt(sample.q, robot);
+  } else {
+    summary_.exit = ToPrimitivePose({sample.q, sample.orientation});
+    if (count_ == 0) summary_.entry = summary_.exit;
   }
-  summary_.exit = PoseAt(sample.q, robot);
-  const std::array<double, 3> rates = RootRatesOf(sample.qd, robot);
-  if (problem_.ends_moving() ||
-      std::ranges::any_of(rates, [](double v) { return std::abs(v) > CostTerm::kRateTolerance; }))
-    SetRates(rates, summary_.exit);
-  if (t <= problem_.duration_s + 1e-9) {
-    summary_.final_pitch_rad = RootPitchAt(sample.q, robot);
-    if (count_ % every_ == 0) TakeTorques(sample);
-  }
+  if (!exit) return;
+  summary_.settled_speed = 0;
+  for (int i = 0; i < SceneIn<Space>(problem_).robot.root_dofs; ++i)
+    summary_.settled_speed = std::max(summary_.settled_speed, std::abs(sample.qd[Index(i)]));
+}
+
+template <class Space>
+void MotionSummarizer::Take(const MotionSampleIn<Space>& sample, double own_distance_m) {
+  const double t = sample.time_s;
+  TakeRoot(sample);
+  if (t <= problem_.duration_s + 1e-9 && count_ % every_ == 0) TakeTorques(sample);
   ++count_;
-  if (t <= problem_.duration_s + ExitAfter(problem_) + 1e-9) {
-    summary_.settled_pitch_rad = RootPitchAt(sample.q, robot);
-    summary_.settled_speed = 0;
-    for (int i = 0; i < robot.root_dofs; ++i)
-      summary_.settled_speed = std::max(summary_.settled_speed, std::abs(sample.qd[Index(i)]));
-  }
   const bool solved = t <= problem_.duration_s + problem_.settle_s + 1e-9;
   if (solved) summary_.torques.rest_nm.assign(sample.torque.begin(), sample.torque.end());
-  const SelfContact& own = problem_.scene.self_contact;
+  const SelfContact& own = problem_.self_contact();
   if (solved && std::isfinite(own_distance_m)) {
     summary_.self_clearance_m =
         std::min(summary_.self_clearance_m.value_or(own_distance_m), own_distance_m);
@@ -253,25 +292,27 @@ void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
   TakeContacts(sample, solved);
 }
 
-void MotionSummarizer::TakeTorques(const MotionSample& sample) {
+template <class Space>
+void MotionSummarizer::TakeTorques(const MotionSampleIn<Space>& sample) {
   summary_.torques.time_s.push_back(std::min(sample.time_s, problem_.duration_s));
   for (std::size_t j = 0; j < problem_.joints.size(); ++j)
     summary_.torques.torque_nm[j].push_back(sample.torque[j]);
 }
 
-void MotionSummarizer::TakeContacts(const MotionSample& sample, bool solved) {
+template <class Space>
+void MotionSummarizer::TakeContacts(const MotionSampleIn<Space>& sample, bool solved) {
+  const SceneOf<Space>& scene = SceneIn<Space>(problem_);
   const double t = sample.time_s;
-  for (const ActiveContact<Plane>& contact : sample.contacts) {
+  for (const ActiveContact<Space>& contact : sample.contacts) {
     summary_.peak_penetration_m = std::max(summary_.peak_penetration_m, contact.depth_m);
     if (solved) {
-      summary_.excess =
-          std::max(summary_.excess, contact.depth_m / problem_.scene.contact.d_on_m - 1);
+      summary_.excess = std::max(summary_.excess, contact.depth_m / scene.contact.d_on_m - 1);
     }
     if (t > problem_.duration_s + problem_.settle_s) continue;
     auto& list = intervals_[{contact.shape, contact.obstacle, contact.other_shape}];
     if (list.empty() || t - list.back().end_s > kContactGap) {
-      list.push_back({problem_.scene.robot.shapes[Index(contact.shape)].name,
-                      TouchedName(problem_.scene, contact), t, t, 0});
+      list.push_back(
+          {scene.robot.shapes[Index(contact.shape)].name, TouchedName(scene, contact), t, t, 0});
     }
     list.back().end_s = t;
     list.back().peak_normal_force_n =
@@ -279,13 +320,16 @@ void MotionSummarizer::TakeContacts(const MotionSample& sample, bool solved) {
   }
 }
 
+template void MotionSummarizer::Take(const MotionSample&, double);
+template void MotionSummarizer::Take(const SpaceSample&, double);
+
 MotionSummary MotionSummarizer::Finish() {
   // The splines start and end exactly where the task says; a sum over basis functions rounds.
   for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
     summary_.entry.joint_positions_rad[j] = problem_.joints[j].start_rad;
     summary_.exit.joint_positions_rad[j] = problem_.joints[j].end_rad;
   }
-  summary_.core_reached = summary_.peak_penetration_m >= problem_.scene.contact.d_on_m;
+  summary_.core_reached = summary_.peak_penetration_m >= problem_.contact().d_on_m;
   for (auto& entry : intervals_) {
     summary_.contacts.insert(summary_.contacts.end(), entry.second.begin(), entry.second.end());
   }
@@ -296,16 +340,12 @@ MotionSummary MotionSummarizer::Finish() {
 
 MotionSummary Summarize(Problem problem, std::vector<double> x) {
   TakeFree(problem, x);
-  MotionSummarizer summarizer(problem, kRefinement);
-  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.All());
-  const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
-  double least_m = std::numeric_limits<double>::infinity();
-  Rollout rollout(problem, problem.solver.step_s / kRefinement);
-  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
-    if (sample.time_s <= settled_s)
-      least_m = std::min(least_m, distances.Nearest(sample.q, least_m).distance_m);
-    summarizer.Take(sample, least_m);
-  });
+  const double refinement = RefinementOf(problem);
+  MotionSummarizer summarizer(problem, refinement);
+  VisitWithOwnDistance(problem, x, problem.solver.step_s / refinement,
+                       [&](const auto& sample, const SelfClearance& /*own*/, double least_m) {
+                         summarizer.Take(sample, least_m);
+                       });
   return summarizer.Finish();
 }
 
@@ -350,8 +390,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     JointMotion<double>& motion = primitive.joints[j];
     const ActuatedJoint& joint = problem.joints[j];
-    motion.name =
-        FixedString<32>(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+    motion.name = FixedString<32>(problem.joint_name(j));
     motion.limits = joint.limits;
     motion.position = PositionSpline(problem, solution.x, j);
     motion.torque = FeedForward(problem, summary.torques, j);
@@ -372,9 +411,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   if (const auto kkt = FinerKktResidual(problem, solution.x))
     certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);
-  const StepGrid grid = StepsFor(problem, solution.x);
-  certificate.step_halving_error_rad = std::abs(FinalPitch(problem, solution.x, grid) -
-                                                FinalPitch(problem, solution.x, Halved(grid)));
+  certificate.step_halving_error_rad =
+      Apart(FinalRoot(problem, solution.x, false), FinalRoot(problem, solution.x, true));
   if (problem.target_pitch_rad)
     certificate.settled_pitch_error_rad = summary.settled_pitch_rad - *problem.target_pitch_rad;
   certificate.peak_torque_nm = summary.peak_torque_nm;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "common/files/primitive_toml.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/motion_sample.h"
+#include "offline/scene/self_clearance.h"
 #include "offline/solve/constraints.h"
 #include "offline/solve/solver.h"
 
@@ -64,6 +66,40 @@ double SettlingAfter(const Problem& problem);
 /// How much finer certificate and second look integrate than `solver.step_s` says: by the classical
 /// Runge-Kutta method with equal steps, where the solver takes another method and adaptive steps.
 inline constexpr double kRefinement = 16;
+/// The same in space, where the solver takes equal steps of the same method, of which the error
+/// falls with the fourth power, and where an evaluation is dearer.
+inline constexpr double kSpaceRefinement = 4;
+inline double RefinementOf(const Problem& problem) {
+  return problem.space ? kSpaceRefinement : kRefinement;
+}
+
+/// Calls visit(sample, own, least) at every step of a motion, until SettlingAfter its end.
+/// @param visit  gets a MotionSample or a SpaceSample, the nearest of the robot's own shapes
+///               (infinite where they are not nearer than before, and after the settle phase), and
+///               their least distance so far [m].
+template <class Visit>
+void VisitWithOwnDistance(const Problem& problem, const std::vector<double>& x, double step_s,
+                          Visit&& visit) {
+  const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
+  double least_m = std::numeric_limits<double>::infinity();
+  Rollout rollout(problem, step_s);
+  const auto with = [&](auto&& distances) {
+    return [&, distances](const auto& sample) mutable {
+      SelfClearance own;
+      if (sample.time_s <= settled_s) own = distances.Nearest(sample.q, least_m);
+      least_m = std::min(least_m, own.distance_m);
+      visit(sample, own, least_m);
+    };
+  };
+  if (problem.space) {
+    const SpaceScene& scene = problem.space->scene;
+    rollout.VisitInSpace(x, SettlingAfter(problem),
+                         with(SpaceSelfDistances(scene.robot, scene.self_contact.All())));
+  } else {
+    rollout.Visit(x, SettlingAfter(problem),
+                  with(SelfDistances(problem.scene.robot, problem.scene.self_contact.All())));
+  }
+}
 
 /// The torques of a motion, at the solver's steps.
 struct TorqueSamples {
@@ -123,12 +159,17 @@ class MotionSummarizer {
   /// Takes the samples in their order, from the start of the motion to SettlingAfter its end.
   /// @param own_distance_m  of the robot's own shapes that are to stay apart: the least so far, to
   ///                        the end of the settle phase.
-  void Take(const MotionSample& sample, double own_distance_m);
+  template <class Space>
+  void Take(const MotionSampleIn<Space>& sample, double own_distance_m);
   MotionSummary Finish();
 
  private:
-  void TakeTorques(const MotionSample& sample);
-  void TakeContacts(const MotionSample& sample, bool solved);
+  template <class Space>
+  void TakeTorques(const MotionSampleIn<Space>& sample);
+  template <class Space>
+  void TakeContacts(const MotionSampleIn<Space>& sample, bool solved);
+  template <class Space>
+  void TakeRoot(const MotionSampleIn<Space>& sample);
 
   const Problem& problem_;
   int every_;

@@ -19,7 +19,7 @@ std::string BeyondDefaultDrives(const Problem& problem) {
     beyond.push_back(fmt::format("{}{} {:.6g} (of {:.6g} {})", of, key, asked, carried, unit));
   };
   for (const ActuatedJoint& joint : problem.joints) {
-    const std::string of = problem.scene.robot.tree.dofs[Index(joint.dof)].name + ": ";
+    const std::string of = problem.name_of(joint) + ": ";
     const JointLimits<double>& limits = joint.limits;
     compare(of, "position_min_rad", limits.position_min_rad, kDefaultDrives.position_rad, "rad");
     compare(of, "position_max_rad", limits.position_max_rad, kDefaultDrives.position_rad, "rad");

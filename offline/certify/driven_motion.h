@@ -7,6 +7,7 @@
 
 #include "offline/certify/certificate.h"
 #include "offline/problem/problem.h"
+#include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
 
@@ -14,6 +15,15 @@ namespace tumbler {
 struct Disturbance {
   double slope_rad = 0;  ///< By which the ground slopes more than the task's; as its `slope_rad`.
   double lean_rad = 0;   ///< That is added to the root's pitch where the motion begins.
+};
+
+/// A robot whose drives play a motion: not that of the problem, where it differs.
+template <class Space>
+struct PlayedRobot {
+  SceneOf<Space> scene;
+  DriveGains gains;
+  double lean_rad = 0;     ///< That is added to the root's pitch where the motion begins.
+  double period_s = 1e-3;  ///< With which setpoints change; those of eight motors on a bus: slower.
 };
 
 /// Plays a motion on the nominal robot through drives that give way (Problem::drive_gains), and
@@ -35,10 +45,25 @@ bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
                        const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor);
 
-/// The same with several disturbances, each on a robot of its own, all at once in the lanes of
-/// vectors where lanes have the scene (MakeLaneScene), else one after the other. In lanes the
-/// visitor sees every millisecond only; numbers are rounded otherwise, so that a robot that is near
-/// a fall may fall in one and not in the other.
+/// A robot in space at one time. Valid during a call only.
+struct DrivenSample {
+  double time_s = 0;
+  std::span<const double> q, qd;      ///< Of all degrees of freedom.
+  const SpaceMatrix* axes = nullptr;  ///< Of the root, whose angles are 0.
+};
+
+/// The same in space.
+/// @param played  NominalInSpace, or a robot that differs.
+bool PlayThroughDrivesInSpace(const Problem& problem, const std::vector<double>& x,
+                              std::span<const JointMotion<double>::Spline> feed_forward,
+                              const PlayedRobot<Spatial>& played, double until_s,
+                              const std::function<bool(const DrivenSample&)>& visitor);
+PlayedRobot<Spatial> NominalInSpace(const Problem& problem, const Disturbance& disturbance);
+
+/// The same as the first with several disturbances, each on a robot of its own, all at once in the
+/// lanes of vectors where lanes have the scene (MakeLaneScene), else one after the other. In lanes
+/// the visitor sees every millisecond only; numbers are rounded otherwise, so that a robot that is
+/// near a fall may fall in one and not in the other.
 /// @param visitor  is also told which of the disturbances it is; a robot goes on while it says so.
 /// @returns for each robot whether its state stayed plausible while it went on.
 std::vector<bool> PlayThroughDrives(

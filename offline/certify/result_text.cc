@@ -20,8 +20,8 @@ constexpr std::size_t kLongestHeld = 120;
 
 /// Prints the contact law, and the integration step that it needs.
 void PrintContact(const Problem& problem, const std::string& task_file) {
-  if (!problem.scene.obstacles.empty()) {
-    const ContactLaw& law = problem.scene.contact;
+  if (!problem.in_empty_space()) {
+    const ContactLaw& law = problem.contact();
     fmt::print(stderr,
                "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
                "v_max {:.3g} m/s; step {:.3g} ms{}\n",
@@ -140,12 +140,15 @@ void PrintNotes(const Task& task) {
   for (const RobotFinding& note : robot.notes()) {
     fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, note.line, note.key, note.problem);
   }
-  for (const IgnoredShape& shape : task.problem.scene.robot.ignored_shapes) {
-    fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
-               shape.line, shape.link, shape.reason);
-  }
-  const std::string through = LinksWithoutContact(task.problem.scene.robot);
-  if (!task.problem.scene.obstacles.empty() && !through.empty()) {
+  task.problem.WithScene([&](const auto& scene) {
+    for (const IgnoredShape& shape : scene.robot.ignored_shapes) {
+      fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
+                 shape.line, shape.link, shape.reason);
+    }
+  });
+  const std::string through =
+      task.problem.WithScene([](const auto& scene) { return LinksWithoutContact(scene.robot); });
+  if (!task.problem.in_empty_space() && !through.empty()) {
     fmt::print(stderr, "{}: note: no collision shape, so passes through the ground: {}\n",
                task.robot_file, through);
   }
@@ -176,7 +179,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
                  "{position_margin_rad:.2f} rad, {velocity_margin_rad_s:.2f} rad/s, "
                  "{acceleration_margin_rad_s2:.0f} rad/s^2; "
                  "peak penetration {peak_penetration_mm:.2f} mm\n",
-                 c, result.problem().scene.contact.d_on_m));
+                 c, result.problem().contact().d_on_m));
   for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
     fmt::print(people, "  {} {}\n", name, value);
   PrintSecondLook(people, result.look);

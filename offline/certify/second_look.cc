@@ -21,10 +21,14 @@ namespace {
 /// The state of all degrees of freedom at one instant.
 struct Instant {
   std::vector<double> q, qd;
-  void Take(const MotionSample& sample) {
+  SpaceMatrix axes = SpaceMatrix::Identity();  ///< Of a root in space.
+  template <class Space>
+  void Take(const MotionSampleIn<Space>& sample) {
     q = sample.q;
     qd = sample.qd;
+    axes = sample.orientation;
   }
+  [[nodiscard]] CostPoint point() const { return {q, qd, {}, &axes}; }
 };
 
 bool AsksForValue(const CostTerm& term) {
@@ -32,9 +36,15 @@ bool AsksForValue(const CostTerm& term) {
 }
 
 PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::When when) {
-  return {{term.of(), when, term.target, term.tolerance, term.time_s, term.point.link,
-           term.point.point_m},
-          term.Value({at.q, at.qd, {}})};
+  PurposeFigure figure{{term.of(), when, term.target, term.tolerance, term.time_s, term.point.link,
+                        term.point.point_m},
+                       term.Value(at.point())};
+  if (term.quantity.present()) {
+    figure.link = term.quantity.link;
+    figure.in_space = term.quantity.in_link;
+    figure.along = term.quantity.direction;
+  }
+  return figure;
 }
 
 /// @param drives  through which it was played; none: with exact joints.
@@ -89,7 +99,7 @@ std::string SecondLook::Objections() const {
 }
 
 bool EndsAtRest(const Problem& problem) {
-  return problem.settle_s > 0 && !problem.scene.obstacles.empty() &&
+  return problem.settle_s > 0 && !problem.in_empty_space() &&
          std::ranges::any_of(problem.cost, [](const CostTerm& term) {
            return AsksForValue(term) && term.when == CostTerm::When::kSettled && term.of_velocity &&
                   term.target == 0;
@@ -108,10 +118,11 @@ class Looker {
  public:
   Looker(const Problem& problem, double step_s)
       : problem_(problem),
+        root_dofs_(problem.WithScene([](const auto& scene) { return scene.robot.root_dofs; })),
         settled_s_(problem.duration_s + problem.settle_s),
         last_s_(settled_s_ + SettlingAfter(problem)) {
     look_.step_s = step_s;
-    look_.layer_m = problem.scene.contact.d_on_m;
+    look_.layer_m = problem.contact().d_on_m;
     for (const CostInstant& instant : problem.instants()) {
       if (instant.when == CostTerm::When::kTime) times_.push_back({instant.time_s, {}});
     }
@@ -119,7 +130,8 @@ class Looker {
 
   /// @param own  the nearest of the robot's own shapes; infinite where they are not nearer than
   ///             before, and after the settle phase.
-  void Take(const MotionSample& sample, const SelfClearance& own) {
+  template <class Space>
+  void Take(const MotionSampleIn<Space>& sample, const SelfClearance& own) {
     const double t = sample.time_s;
     if (t <= problem_.duration_s + 1e-9) end_.Take(sample);
     // The rollout stops at these times.
@@ -131,19 +143,14 @@ class Looker {
       settled_.Take(sample);
       for (const double torque : sample.torque)
         look_.peak_torque_nm = std::max(look_.peak_torque_nm, std::abs(torque));
-      for (const ActiveContact<Plane>& contact : sample.contacts)
+      for (const ActiveContact<Space>& contact : sample.contacts)
         look_.peak_penetration_m = std::max(look_.peak_penetration_m, contact.depth_m);
     }
     if (own.distance_m < nearest_.distance_m) {
       nearest_ = own;
       look_.self_clearance_time_s = t;
     }
-    const PassiveExcess passive = FarthestPassive(problem_.scene.robot, sample.q);
-    if (passive.by > look_.passive_excess) {
-      look_.passive_excess = passive.by;
-      look_.passive_time_s = t;
-      look_.passive_joint = Describe(passive, problem_.scene.robot);
-    }
+    if constexpr (std::is_same_v<Space, Plane>) TakePassive(sample);
     double& excess = solved ? look_.torque_excess : look_.held_torque_excess;
     for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
       const ActuatedJoint& joint = problem_.joints[j];
@@ -151,7 +158,7 @@ class Looker {
       excess = std::max(excess, std::abs(sample.torque[j]) / joint.limits.torque_max_nm + lack - 1);
     }
     later_.Take(sample);
-    for (int i = 0; t >= last_s_ - kRestWatched_s && i < problem_.scene.robot.root_dofs; ++i)
+    for (int i = 0; t >= last_s_ - kRestWatched_s && i < root_dofs_; ++i)
       speed_ = std::max(speed_, std::abs(sample.qd[Index(i)]));
   }
 
@@ -160,9 +167,11 @@ class Looker {
     look_.finite =
         std::ranges::all_of(later_.q, is_number) && std::ranges::all_of(later_.qd, is_number);
     look_.self_clearance_m = nearest_.distance_m;
-    look_.clearance_m = problem_.scene.self_contact.clearance_m;
-    if (std::isfinite(nearest_.distance_m))
-      look_.self_clearance_of = NameOf(problem_.scene.robot, nearest_.pair);
+    look_.clearance_m = problem_.self_contact().clearance_m;
+    if (std::isfinite(nearest_.distance_m)) {
+      look_.self_clearance_of = problem_.WithScene(
+          [this](const auto& scene) { return NameOf(scene.robot, nearest_.pair); });
+    }
     JudgePurpose();
     return std::move(look_);
   }
@@ -191,13 +200,22 @@ class Looker {
         look_.purpose.push_back(FigureOf(term, later_, kLater));
     }
     // That a root which is fixed to the world rests says nothing.
-    if (rests && problem_.scene.robot.root_dofs > 0) {
+    if (rests && root_dofs_ > 0) {
       look_.purpose.push_back(
           {{PurposeTarget::Of::kSpeed, goes_on ? kLater : kSettled, 0, kRestSpeed}, speed_});
     }
   }
 
+  void TakePassive(const MotionSample& sample) {
+    const PassiveExcess passive = FarthestPassive(problem_.scene.robot, sample.q);
+    if (!(passive.by > look_.passive_excess)) return;
+    look_.passive_excess = passive.by;
+    look_.passive_time_s = sample.time_s;
+    look_.passive_joint = Describe(passive, problem_.scene.robot);
+  }
+
   const Problem& problem_;
+  int root_dofs_;
   double settled_s_, last_s_;
   SecondLook look_;
   SelfClearance nearest_;
@@ -210,7 +228,8 @@ class Looker {
 class StayWatch {
  public:
   explicit StayWatch(const Problem& problem) : problem_(problem), at_rest_(problem.start_q.size()) {
-    const Instant start{problem.start_q, at_rest_};
+    Instant start{problem.start_q, at_rest_};
+    if (problem.space) start.axes = problem.space->start_orientation;
     for (const CostTerm& term : problem.cost) {
       if (!AsksForValue(term) || term.of_velocity || term.when != CostTerm::When::kSettled)
         continue;
@@ -219,12 +238,14 @@ class StayWatch {
   }
 
   /// Where it does not, what it leaves; none else.
+  /// @param axes  of a root in space; null in the plane.
   std::optional<SecondLook::Leaving> Leaves(double time_s, std::span<const double> q,
-                                            const Disturbance& disturbance) {
+                                            const Disturbance& disturbance,
+                                            const SpaceMatrix* axes = nullptr) {
     const double after_s = time_s - problem_.duration_s;
     if (after_s < ExitAfter(problem_)) return {};
     for (auto& [term, figure] : asked_) {
-      figure.result = term->Value({q, at_rest_, {}});
+      figure.result = term->Value({q, at_rest_, {}, axes});
       if (!figure.met()) return SecondLook::Leaving{after_s, figure, disturbance};
     }
     return {};
@@ -253,7 +274,7 @@ void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
   std::vector<JointMotion<double>::Spline> feed_forward;
   for (std::size_t j = 0; j < problem.joints.size(); ++j)
     feed_forward.push_back(FeedForward(problem, torques, j));
-  const double until_s = problem.duration_s + kStays_s;
+  const double until_s = problem.duration_s + (problem.space ? kStaysInSpace_s : kStays_s);
   // What is told is the first disturbance by which the robot does not stay.
   std::array<std::optional<SecondLook::Leaving>, kDisturbances.size()> leaving;
   std::size_t last = kDisturbances.size();  // those from here on are of no interest
@@ -263,6 +284,19 @@ void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
     if (leaving[which]) last = which;
     return !leaving[which];
   };
+  if (problem.space) {
+    for (const Disturbance& disturbance : kDisturbances) {
+      const bool plausible = PlayThroughDrivesInSpace(
+          problem, x, feed_forward, NominalInSpace(problem, disturbance), until_s,
+          [&](const DrivenSample& at) {
+            look.leaving = watch.Leaves(at.time_s, at.q, disturbance, at.axes);
+            return !look.leaving;
+          });
+      look.finite = look.finite && plausible;
+      if (look.leaving || !plausible) return;
+    }
+    return;
+  }
   const std::vector<bool> plausible =
       PlayThroughDrives(problem, x, feed_forward, kDisturbances, until_s, stays);
   for (std::size_t i = 0; i < kDisturbances.size(); ++i) {
@@ -275,29 +309,25 @@ void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
 
 }  // namespace
 
-FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
+FineLook LookFinely(Problem problem, std::vector<double> x, std::optional<double> refinement) {
   TakeFree(problem, x);
-  const double step_s = problem.solver.step_s / refinement;
-  const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
+  const double finer = refinement.value_or(RefinementOf(problem));
+  const double step_s = problem.solver.step_s / finer;
   Looker looker(problem, step_s);
-  MotionSummarizer summarizer(problem, refinement);
-  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.All());
-  double least_m = std::numeric_limits<double>::infinity();
-  Rollout rollout(problem, step_s);
-  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
-    SelfClearance own;
-    if (sample.time_s <= settled_s) own = distances.Nearest(sample.q, least_m);
-    least_m = std::min(least_m, own.distance_m);
-    looker.Take(sample, own);
-    summarizer.Take(sample, least_m);
-  });
+  MotionSummarizer summarizer(problem, finer);
+  VisitWithOwnDistance(problem, x, step_s,
+                       [&](const auto& sample, const SelfClearance& own, double least_m) {
+                         looker.Take(sample, own);
+                         summarizer.Take(sample, least_m);
+                       });
   FineLook fine{looker.Finish(), summarizer.Finish()};
   if (EndsAtRest(problem) && SettlingAfter(problem) > 0 && fine.look.acceptable())
     LookWhetherItStays(problem, x, fine.summary.torques, fine.look);
   return fine;
 }
 
-SecondLook LookAgain(const Problem& problem, const std::vector<double>& x, double refinement) {
+SecondLook LookAgain(const Problem& problem, const std::vector<double>& x,
+                     std::optional<double> refinement) {
   return LookFinely(problem, x, refinement).look;
 }
 

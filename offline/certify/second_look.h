@@ -68,6 +68,8 @@ struct SecondLook {
 /// How long after its end a motion that ends at rest is played to see whether the robot stays [s].
 /// One that stands on too small a foot is within every tolerance after 2 s, and falls after 4 s.
 inline constexpr double kStays_s = 10;
+/// The same in space, where a second costs more.
+inline constexpr double kStaysInSpace_s = 5;
 
 /// How much a floor slopes that is called level: 2 mm in a metre. A motion that only just stands
 /// falls on it, and by what drives, bus and encoders round as well.
@@ -95,12 +97,14 @@ struct FineLook {
   SecondLook look;
   MotionSummary summary;
 };
-FineLook LookFinely(Problem problem, std::vector<double> x, double refinement = kRefinement);
+/// @param refinement  the solver's step in units of the one used here; none: RefinementOf.
+FineLook LookFinely(Problem problem, std::vector<double> x,
+                    std::optional<double> refinement = std::nullopt);
 
 /// The second look alone.
 /// @param x           parameters of the motion.
-/// @param refinement  the solver's step in units of the one used here.
+/// @param refinement  likewise.
 SecondLook LookAgain(const Problem& problem, const std::vector<double>& x,
-                     double refinement = kRefinement);
+                     std::optional<double> refinement = std::nullopt);
 
 }  // namespace tumbler

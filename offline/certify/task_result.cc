@@ -13,6 +13,7 @@
 #include "offline/problem/take_free.h"
 #include "offline/solve/guess.h"
 #include "offline/solve/robust_search.h"
+#include "offline/solve/search_in_space.h"
 
 namespace tumbler {
 namespace {
@@ -28,8 +29,8 @@ double CpuSeconds(clockid_t clock = CLOCK_PROCESS_CPUTIME_ID) {
 /// about contact. One that is held may be there to pass beside them.
 bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
   const PlanarRobot& robot = problem.scene.robot;
-  return robot.root_dofs > 0 && !robot.hinged() && !problem.scene.obstacles.empty() &&
-         !best.rollout.any_contact;
+  const bool free = problem.space || (robot.root_dofs > 0 && !robot.hinged());
+  return free && !problem.in_empty_space() && !best.rollout.any_contact;
 }
 
 /// Whether gains were asked for, and none were searched because a limit stands in the way.
@@ -67,7 +68,7 @@ std::string Cause(const Problem& problem, const Solution& best) {
     return fmt::format(
         "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
         "use a larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
-        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.scene.contact.d_on_m);
+        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact().d_on_m);
   }
   return ToString(best.end);
 }
@@ -257,13 +258,15 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
   // From a guess, another motion than the one near it would not be an answer.
-  if (!settings.minima && !problem.robust && !guessed) {
+  if (!settings.minima && !problem.robust && !problem.space && !guessed) {
     options.calm = [&](const Solution& solution) {
       return looks.GradientAt(solution).relative_error() <= kDoubtfulGradient;
     };
   }
   result.outcome =
-      problem.robust
+      problem.space ? (guessed ? SolveInSpaceFrom(problem, result.task.guess, options)
+                               : SolveInSpace(problem, options))
+      : problem.robust
           ? SolveRobust(problem, options, result.task.guess,
                         result.task.guess_feedback ? &*result.task.guess_feedback : nullptr,
                         result.task.complement)

@@ -31,11 +31,14 @@ std::string DampedMotion::Describe(const std::vector<double>& kd) const {
       gains, 1e3 * LongestPeriod(), 1e-3 / LongestPeriod(), time_s, 1e3 * AdvisedPeriod());
 }
 
-DampedMotion DampingOf(const Problem& problem, const Primitive<double>& primitive,
-                       const std::vector<double>& kd) {
+namespace {
+
+template <class Space>
+DampedMotion DampingIn(const SceneOf<Space>& scene, const Problem& problem,
+                       const Primitive<double>& primitive, const std::vector<double>& kd) {
   std::vector<int> dofs;
   for (const ActuatedJoint& joint : problem.joints) dofs.push_back(joint.dof);
-  DriveDamping damping(problem.scene, dofs, kd);
+  DriveDampingIn<Space> damping(scene, dofs, kd);
   DampedMotion motion;
   std::vector<double> q = problem.start_q;
   const int samples = static_cast<int>(std::ceil(primitive.duration_s / kSample_s));
@@ -47,6 +50,14 @@ DampedMotion DampingOf(const Problem& problem, const Primitive<double>& primitiv
     if (rate > motion.rate_per_s) motion = {rate, time_s};
   }
   return motion;
+}
+
+}  // namespace
+
+DampedMotion DampingOf(const Problem& problem, const Primitive<double>& primitive,
+                       const std::vector<double>& kd) {
+  return problem.space ? DampingIn<Spatial>(problem.space->scene, problem, primitive, kd)
+                       : DampingIn<Plane>(problem.scene, problem, primitive, kd);
 }
 
 }  // namespace tumbler

@@ -213,8 +213,16 @@ struct Problem {
   [[nodiscard]] const std::string& joint_name(std::size_t j) const { return name_of(joints[j]); }
   /// Calls `work` with the scene, a `Scene` or a `SpaceScene`.
   template <class Work>
-  void WithScene(Work&& work) {
-    space ? work(space->scene) : work(scene);
+  auto WithScene(Work&& work) {
+    return space ? work(space->scene) : work(scene);
+  }
+  template <class Work>
+  auto WithScene(Work&& work) const {
+    return space ? work(space->scene) : work(scene);
+  }
+  /// Whether there is nothing that the robot could touch.
+  [[nodiscard]] bool in_empty_space() const {
+    return space ? space->scene.obstacles.empty() : scene.obstacles.empty();
   }
 
   /// The gains of every joint's drive through which the motion is to be played.

@@ -476,14 +476,14 @@ Problem ReadSpaceTask(TomlTable root, const Robot& robot,
   return in_space::Reader(std::move(root), robot, given).Read();
 }
 
-PrimitivePose ToPrimitivePose(const SpacePose& pose, std::size_t root_dofs) {
+PrimitivePose ToPrimitivePose(const SpacePose& pose) {
+  constexpr std::ptrdiff_t kRootDofs = 6;
   PrimitivePose out;
   out.root_x_m = pose.q[0];
   out.root_y_m = pose.q[1];
   out.root_z_m = pose.q[2];
   out.root_quaternion = in_space::ToQuaternion(pose.orientation);
-  out.joint_positions_rad.assign(pose.q.begin() + static_cast<std::ptrdiff_t>(root_dofs),
-                                 pose.q.end());
+  out.joint_positions_rad.assign(pose.q.begin() + kRootDofs, pose.q.end());
   return out;
 }
 

@@ -21,7 +21,7 @@ Problem ReadSpaceTask(TomlTable root, const Robot& robot,
                       const std::optional<PrimitivePose>& given);
 
 /// The pose of a robot in space as a primitive's file has it.
-PrimitivePose ToPrimitivePose(const SpacePose& pose, std::size_t root_dofs);
+PrimitivePose ToPrimitivePose(const SpacePose& pose);
 
 /// What the file's keys are in space where they are others than in the plane, for docs/space.md.
 std::vector<KeyTable> SpaceTaskKeyTables();

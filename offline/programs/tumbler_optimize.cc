@@ -65,7 +65,7 @@ constexpr int kEvaluationsToConverge = 2000;
 
 Task Load(const Arguments& arguments, const std::string& path) {
   Task task = arguments.start_from.empty()
-                  ? LoadTask(path)
+                  ? LoadTask(path, TaskSpaces::kPlaneAndSpace)
                   : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
   if (!arguments.posterior.empty()) {
     const PosteriorFile known = LoadPosterior(arguments.posterior);

@@ -11,20 +11,24 @@ namespace tumbler {
 namespace {
 
 /// The robot with these joints moved by torques. What else is held, as a root by a bar, stays so.
-Tree<Plane> MovedByTorques(Tree<Plane> tree, const std::vector<int>& dofs) {
+template <class Space>
+Tree<Space> MovedByTorques(Tree<Space> tree, const std::vector<int>& dofs) {
   for (const int dof : dofs) tree.dofs[Index(dof)].prescribed = false;
   return tree;
 }
 
 }  // namespace
 
-DriveDamping::DriveDamping(const Scene& scene, std::vector<int> dofs, std::vector<double> kd)
+template <class Space>
+DriveDampingIn<Space>::DriveDampingIn(const SceneOf<Space>& scene, std::vector<int> dofs,
+                                      std::vector<double> kd)
     : dynamics_(MovedByTorques(scene.robot.tree, dofs)),
       dofs_(std::move(dofs)),
       kd_(std::move(kd)) {}
 
-double DriveDamping::RateAt(std::span<const double> q) {
-  using Numbers = IntArray<double, Plane::kMaxDofs>;
+template <class Space>
+double DriveDampingIn<Space>::RateAt(std::span<const double> q) {
+  using Numbers = IntArray<double, Space::kMaxDofs>;
   const auto n = static_cast<std::size_t>(dynamics_.size());
   const Numbers at_rest{};
   dynamics_.SetState(q, {at_rest.data(), n});
@@ -49,5 +53,8 @@ double DriveDamping::RateAt(std::span<const double> q) {
   }
   return DecomposeSymmetric(rates).values[count - 1];
 }
+
+template class DriveDampingIn<Plane>;
+template class DriveDampingIn<Spatial>;
 
 }  // namespace tumbler

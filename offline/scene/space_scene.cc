@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "common/files/toml_reader.h"
 #include "offline/model/robot_finding.h"
@@ -100,6 +101,16 @@ double SpaceRobot::mass_kg() const {
   return mass;
 }
 
+std::string LinksWithoutContact(const SpaceRobot& robot) {
+  std::string names;
+  for (int body = robot.first_body(); body < static_cast<int>(robot.tree.dofs.size()); ++body) {
+    if (std::ranges::any_of(robot.shapes, [body](const auto& shape) { return shape.body == body; }))
+      continue;
+    names += (names.empty() ? "" : ", ") + robot.body_names[Index(body)];
+  }
+  return names;
+}
+
 std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot) {
   std::vector<RobotFinding> obstacles = robot.findings;
   for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
@@ -140,6 +151,12 @@ SpaceRobot ReduceToSpace(const Robot& robot) {
   out.ignored_shapes = std::move(contact.ignored);
   out.own_shapes = in_space::OwnShapesOf(robot);
   return out;
+}
+
+void Tilt(SpaceRobot& robot, double slope_rad) {
+  const auto [s, c] = portable::SinCos(slope_rad);
+  const SpaceVector g = robot.tree.gravity;
+  robot.tree.gravity = {c * g.x() + s * g.z(), g.y(), c * g.z() - s * g.x()};
 }
 
 const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spatial>& contact) {

@@ -56,6 +56,9 @@ struct SpaceRobot {
   [[nodiscard]] double mass_kg() const;
 };
 
+/// The moving links that no contact shape is on, with commas between; empty: there are none.
+std::string LinksWithoutContact(const SpaceRobot& robot);
+
 /// What stands between a robot and a task in space: masses, inertias or limits that are not
 /// physical, joints that are not modelled (`Robot::findings`), and degrees of freedom that move no
 /// mass.
@@ -65,6 +68,10 @@ std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot);
 /// @throws RobotFileError with ObstaclesToPlanningInSpace, if there are any, and when there are
 /// more than Spatial::kMaxDofs degrees of freedom.
 SpaceRobot ReduceToSpace(const Robot& robot);
+
+/// Puts the robot on ground that rises along x by this angle, in axes of which x is along the
+/// ground: gravity is turned the other way, as in the plane.
+void Tilt(SpaceRobot& robot, double slope_rad);
 
 /// A scene for simulation in space, as `Scene` is one in the plane: a robot that nothing holds, the
 /// obstacles that it can touch, and the law of their contacts.
