@@ -64,6 +64,10 @@ Json FiguresOf(const SecondLook& look) {
     figures["self_clearance_of"] = look.self_clearance_of;
     figures["clearance_m"] = look.clearance_m;
   }
+  if (look.slip_m) {
+    figures["slip_m"] = *look.slip_m;
+    figures["slip_of"] = look.slip_of;
+  }
   if (look.drives) {
     figures["drives"] = {{"kp_nm_per_rad", look.drives->kp_nm_per_rad},
                          {"kd_nm_s_per_rad", look.drives->kd_nm_s_per_rad}};

@@ -65,6 +65,10 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
                look.self_clearance_of, 1e3 * look.self_clearance_m, look.self_clearance_time_s,
                1e3 * look.clearance_m);
   }
+  if (look.slip_m && !look.slip_of.empty()) {
+    fmt::print(people, "  slip: {} slides {:.0f} mm while it carries weight, no contact more\n",
+               look.slip_of, 1e3 * *look.slip_m);
+  }
   for (const PurposeFigure& figure : look.purpose) {
     fmt::print(people, "    {}: {}\n", figure.name(), figure.AskedAndGot(figure.result));
   }

@@ -150,7 +150,11 @@ class Looker {
       nearest_ = own;
       look_.self_clearance_time_s = t;
     }
-    if constexpr (std::is_same_v<Space, Plane>) TakePassive(sample);
+    if constexpr (std::is_same_v<Space, Plane>) {
+      TakePassive(sample);
+    } else if (solved) {
+      TakeSlip(sample);
+    }
     double& excess = solved ? look_.torque_excess : look_.held_torque_excess;
     for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
       const ActuatedJoint& joint = problem_.joints[j];
@@ -206,6 +210,27 @@ class Looker {
     }
   }
 
+  /// Adds how far contacts that carry weight slide in a step.
+  void TakeSlip(const SpaceSample& sample) {
+    constexpr double kCarries = 0.02;  // of the weight
+    const SpaceRobot& robot = problem_.space->scene.robot;
+    const double carried_n = kCarries * robot.mass_kg() * robot.tree.gravity.norm();
+    const double step_s = sample.time_s - slipped_until_s_;
+    slipped_until_s_ = sample.time_s;
+    slip_m_.resize(robot.shapes.size());
+    if (!look_.slip_m) look_.slip_m = 0;
+    for (const ActiveContact<Spatial>& contact : sample.contacts) {
+      if (contact.normal_force_n < carried_n) continue;
+      const ContactShape<Spatial>& shape = robot.shapes[Index(contact.shape)];
+      const SpaceVector v = sample.dynamics->velocity(shape.body).At(contact.point);
+      double& sum = slip_m_[Index(contact.shape)];
+      sum += step_s * (v - contact.normal.dot(v) * contact.normal).norm();
+      if (sum <= *look_.slip_m) continue;
+      look_.slip_m = sum;
+      look_.slip_of = shape.name;
+    }
+  }
+
   void TakePassive(const MotionSample& sample) {
     const PassiveExcess passive = FarthestPassive(problem_.scene.robot, sample.q);
     if (!(passive.by > look_.passive_excess)) return;
@@ -222,6 +247,8 @@ class Looker {
   Instant end_, settled_, later_;
   std::vector<std::pair<double, Instant>> times_;  // at which the cost looks, too
   double speed_ = 0;
+  std::vector<double> slip_m_;  // of each shape
+  double slipped_until_s_ = 0;
 };
 
 /// Sees whether a robot at rest stays where it is asked to be.

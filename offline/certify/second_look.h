@@ -53,6 +53,10 @@ struct SecondLook {
   double passive_excess = 0;
   double passive_time_s = 0;
   std::string passive_joint;  ///< "the joint without a motor 'wrist'", and where it is.
+  /// In space: the farthest that one contact slides while it carries weight, up to the end of the
+  /// settle phase, and whose it is. Absent in the plane, where nobody looks.
+  std::optional<double> slip_m;
+  std::string slip_of;
   /// Thickness of the compliant layer, which no contact may go through.
   double layer_m = std::numeric_limits<double>::infinity();
   bool finite = true;

@@ -21,6 +21,7 @@
 #include "offline/pages/page_file.h"
 #include "offline/studies/certify.h"
 #include "offline/studies/robustness_page.h"
+#include "offline/studies/space_study.h"
 #include "offline/studies/spread_options.h"
 #include "offline/studies/study.h"
 #include "offline/studies/window.h"
@@ -45,6 +46,7 @@ struct Arguments {
   bool window = false;
   bool certify = false;
   bool quiet = false;
+  double period_s = SpaceStudy{}.period_s;  ///< In space.
   std::string branch;
   std::string shard;
   std::string json;
@@ -72,6 +74,10 @@ void Declare(CommandLine& line, Arguments& arguments) {
       "--drives", study.drives,
       "Drives file; without it, that which the twin file names, or the default drives with the "
       "gains that the motion's file says");
+  line.Option("--period-s", arguments.period_s,
+              "In space: with which setpoints change; eight motors share a bus at 400 Hz [s]")
+      .Within(1e-4, 0.1)
+      .ShowDefault();
   line.Option("--twin", study.twin, "Twin file, for what all robots share");
   line.Option("--push", study.push_n,
               "Push each robot for 0.1 s, to either side, at a random time in the hold [N]")
@@ -297,6 +303,51 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   return ExitStatus::kDone;
 }
 
+/// What a study of a motion in space does not have.
+void CheckSpaceOptions(const CommandLine& line) {
+  for (const char* option :
+       {"--cycles", "--hold-s", "--get-ups", "--branch", "--twin", "--push", "--sensor-faults",
+        "--lanes", "--compare-lanes", "--drops", "--checkpoint", "--shard", "--merge", "--report",
+        "--window", "--certify", "--drives"}) {
+    if (!line.Given(option)) continue;
+    throw UsageError(option,
+                     "is for motions in the plane so far; this one is of a robot in space, "
+                     "for which there are --robots, --seed, --scale, --period-s, --json and "
+                     "the spreads of links and ground");
+  }
+}
+
+ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
+  CheckSpaceOptions(line);
+  SpaceStudy study;
+  study.motion = arguments.study.motion;
+  study.robots = arguments.plan.robots;
+  study.seed = arguments.seed.value_or(study.seed);
+  study.scale = arguments.study.scale;
+  study.spreads = arguments.study.spreads;
+  study.period_s = arguments.period_s;
+  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  study.threads = arguments.plan.threads == 0 ? cores : arguments.plan.threads;
+  study.interrupt = &EndOnSignals();
+  if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
+  std::optional<SpaceStudyResult> result;
+  {
+    CountProgress known(study.robots, "robots");
+    if (!arguments.quiet) study.progress = [&known](int count) { known(count); };
+    result = RunSpaceStudy(study);
+    result->study.progress = nullptr;
+  }
+  std::FILE* const text_to = arguments.json == "-" ? stderr : stdout;
+  fmt::print(text_to, "{}", ToText(*result));
+  if (static_cast<int>(result->trials.size()) < study.robots) {
+    fmt::print(stderr, "interrupted: {} of {} robots are known; nothing was written\n",
+               result->trials.size(), study.robots);
+    return ExitStatus::kInterrupted;
+  }
+  WriteJson(arguments.json, ToJson(*result));
+  return ExitStatus::kDone;
+}
+
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line(
@@ -308,6 +359,9 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
+  if (IsMotionInSpace(arguments.study.motion)) return PlayInSpace(line, arguments);
+  if (line.Given("--period-s"))
+    throw UsageError("--period-s", "is for motions of robots in space; this one is in the plane");
   if (arguments.window) CheckWindow(line);
   return RunTogether("tumbler robustness", [&arguments](const Processes& processes) {
     return Play(arguments, processes);

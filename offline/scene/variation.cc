@@ -104,11 +104,12 @@ RobotVariation DrawKnown(const Scene& scene, const Spreads& spreads, double scal
 
 }  // namespace
 
-RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scale,
-                         std::uint64_t seed, std::uint64_t index) {
-  if (spreads.posterior != nullptr) return DrawKnown(scene, spreads, scale, seed, index);
-  const PlanarRobot& robot = scene.robot;
-  const ContactLaw& contact = scene.contact;
+namespace {
+
+/// @param robot  in the plane or in space.
+template <class Robot>
+RobotVariation DrawAny(const Robot& robot, const ContactLaw& contact, const Spreads& spreads,
+                       double scale, std::uint64_t seed, std::uint64_t index) {
   RobotVariation v;
   Drawer draw{Normal(seed, index), scale, v.deviates};
   for (std::size_t dof = Index(robot.first_body()); dof < robot.body_names.size(); ++dof) {
@@ -141,6 +142,19 @@ RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scal
   if (robot.root_dofs > 0)
     v.start_pitch_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate of pitch");
   return v;
+}
+
+}  // namespace
+
+RobotVariation DrawRobot(const Scene& scene, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index) {
+  if (spreads.posterior != nullptr) return DrawKnown(scene, spreads, scale, seed, index);
+  return DrawAny(scene.robot, scene.contact, spreads, scale, seed, index);
+}
+
+RobotVariation DrawRobot(const SpaceScene& scene, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index) {
+  return DrawAny(scene.robot, scene.contact, spreads, scale, seed, index);
 }
 
 std::string MistakeInRanges(const ContactLaw& model, const Spreads& spreads) {
@@ -187,6 +201,17 @@ int FinerStepsFor(const ContactLaw& model, const Spreads& spreads, double scale)
                        most(spreads.damping, model.damping_n_s_per_m));
 }
 
+namespace {
+
+void VaryGround(const RobotVariation& v, ContactLaw& contact) {
+  contact.mu *= v.friction;
+  contact.v_max_m_per_s *= v.creep_speed;
+  contact.stiffness_n_per_m *= v.stiffness;
+  contact.damping_n_s_per_m *= v.damping;
+}
+
+}  // namespace
+
 Scene Varied(Scene scene, const RobotVariation& v) {
   PlanarRobot& robot = scene.robot;
   const std::size_t first = Index(robot.first_body());
@@ -222,10 +247,22 @@ Scene Varied(Scene scene, const RobotVariation& v) {
         scene.motors.empty() ? robot.dry_friction_nm[place] : scene.motors[j].dry_friction_nm;
     dry = std::max(0.0, dry + joint.dry_friction_nm);
   }
-  scene.contact.mu *= v.friction;
-  scene.contact.v_max_m_per_s *= v.creep_speed;
-  scene.contact.stiffness_n_per_m *= v.stiffness;
-  scene.contact.damping_n_s_per_m *= v.damping;
+  VaryGround(v, scene.contact);
+  Tilt(robot, v.slope_rad);
+  return scene;
+}
+
+SpaceScene Varied(SpaceScene scene, const RobotVariation& v) {
+  SpaceRobot& robot = scene.robot;
+  const std::size_t first = Index(robot.first_body());
+  for (std::size_t i = first; i < robot.tree.dofs.size(); ++i) {
+    Dof<Spatial>& dof = robot.tree.dofs[i];
+    const RobotVariation::Link& link = v.links[i - first];
+    dof.mass_kg *= link.mass;
+    dof.inertia_kg_m2 = dof.inertia_kg_m2 * (link.mass * link.inertia);
+    dof.mass_centre[0] += link.mass_centre_m;
+  }
+  VaryGround(v, scene.contact);
   Tilt(robot, v.slope_rad);
   return scene;
 }

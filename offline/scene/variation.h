@@ -8,6 +8,7 @@
 
 #include "offline/scene/ground_spread.h"
 #include "offline/scene/scene.h"
+#include "offline/scene/space_scene.h"
 
 namespace tumbler {
 
@@ -104,5 +105,11 @@ int FinerStepsFor(double stiffness, double damping);
 /// The scene with this robot and its ground. The slope is that of gravity: the ground stays where
 /// it is. What joints, delay and the start have of it is no part of a scene.
 Scene Varied(Scene scene, const RobotVariation& variation);
+
+/// The same of a robot in space. It differs in the masses, inertias and centres of mass of its
+/// links, and in its ground.
+RobotVariation DrawRobot(const SpaceScene& scene, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index);
+SpaceScene Varied(SpaceScene scene, const RobotVariation& variation);
 
 }  // namespace tumbler

@@ -113,17 +113,25 @@ class Campaign {
       named.start = attempt;
       Tell(named);
     };
+    Problem problem = problem_;
+    const bool prove = problem.solver.prove;
+    if (!prove) problem.solver.relative_tolerance = search_.enough;
     std::vector<Evaluation> history;
-    Rollout screen(problem_, problem_.solver.screen_step_s);
+    Rollout screen(problem, problem.solver.screen_step_s);
     Solution solution =
-        SolveFrom(problem_, from, problem_.solver.screen_evaluations, screen, local, &history);
+        SolveFrom(problem, from, search_.screen_evaluations, screen, local, &history);
     const int before = solution.evaluations;
     if (!interrupted() && solution.rollout.finite) {
-      Rollout fine(problem_, problem_.solver.step_s);
+      Rollout fine(problem, problem.solver.step_s);
       const double start_cost = solution.start_cost;
+      const int left = std::max(1, problem.solver.max_evaluations - before);
       solution =
-          SolveFrom(problem_, solution.x, std::max(1, problem_.solver.max_evaluations - before),
+          SolveFrom(problem, solution.x, prove ? left : std::min(left, search_.finish_evaluations),
                     fine, local, &history);
+      const bool unproved = solution.end == SolveEnd::kEvaluations ||
+                            solution.end == SolveEnd::kStalled ||
+                            solution.kkt.relative.value_or(1) > problem.solver.kkt_residual;
+      if (!prove && unproved && solution.feasible()) solution.end = SolveEnd::kUnproved;
       solution.evaluations += before;
       solution.start_cost = start_cost;
       solution.finished = true;

@@ -16,6 +16,11 @@ struct SpaceSearch {
   double sigma_rad = 0.35;
   /// Attempts, each from a start of its own, until a motion is as asked.
   int attempts = 8;
+  /// Most evaluations of cost and gradient with SolverSettings::screen_step_s, and then with the
+  /// solver's own steps where no proof is asked for.
+  int screen_evaluations = 60, finish_evaluations = 25;
+  /// Without a proof, SLSQP ends when the cost changes by less than this part of itself.
+  double enough = 1e-3;
   /// Weight in the rank of the square of what a velocity or an acceleration exceeds its limit by,
   /// as a part of it, for each bound.
   double limit_penalty = 1;

@@ -1,0 +1,116 @@
+#include "offline/pages/space_motion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/core/index.h"
+#include "offline/solve/rollout.h"
+
+namespace tumbler {
+namespace {
+
+constexpr double kFrame_s = 1.0 / 60;
+
+/// A colour for each limb: what hangs on the root by one of its joints.
+int HueOf(const SpaceRobot& robot, int body) {
+  int limb = 0;
+  std::vector<int> of(robot.tree.dofs.size(), -1);
+  for (std::size_t j = Index(robot.root_dofs); j < of.size(); ++j) {
+    const int parent = robot.tree.dofs[j].parent;
+    of[j] = parent < robot.root_dofs ? limb++ % 8 : of[Index(parent)];
+  }
+  return of[Index(body)];
+}
+
+std::vector<SpaceBody> BodiesOf(const SpaceRobot& robot) {
+  std::vector<SpaceBody> bodies;
+  for (int body = robot.first_body(); body < static_cast<int>(robot.tree.dofs.size()); ++body) {
+    SpaceBody shown{robot.body_names[Index(body)], {}, HueOf(robot, body)};
+    for (const SpaceOwnShape& own : robot.own_shapes) {
+      if (own.body == body) shown.shapes.push_back(own.shape);
+    }
+    bodies.push_back(std::move(shown));
+  }
+  return bodies;
+}
+
+SpaceFrame FrameOf(const SpaceSample& sample, const SpaceRobot& robot) {
+  SpaceFrame frame;
+  frame.time_s = sample.time_s;
+  const SpaceVector origin = sample.dynamics->origin();
+  for (int body = robot.first_body(); body < static_cast<int>(robot.tree.dofs.size()); ++body) {
+    frame.poses.push_back(
+        {sample.dynamics->rotation(body).m, origin + sample.dynamics->position(body)});
+  }
+  for (const ActiveContact<Spatial>& contact : sample.contacts)
+    frame.contacts.push_back({origin + contact.point, contact.force});
+  return frame;
+}
+
+/// Curves of the joints, with the limit where all have the same.
+SpacePlot PlotOf(const Problem& problem, const char* title, const char* unit,
+                 std::optional<double> limit) {
+  SpacePlot plot{title, unit, {}, {}};
+  const SpaceRobot& robot = problem.space->scene.robot;
+  for (const ActuatedJoint& joint : problem.joints)
+    plot.series.push_back({problem.name_of(joint), {}, HueOf(robot, joint.dof)});
+  if (limit) plot.limits = {-*limit, *limit};
+  return plot;
+}
+
+}  // namespace
+
+SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>& x,
+                                    const PrimitiveFile& file) {
+  const Problem& problem = task.problem;
+  const SpaceScene& scene = problem.space->scene;
+  SpaceMotionPage page;
+  page.title = problem.name;
+  page.subtitle = fmt::format("{}, seed {}", file.provenance.tool, file.provenance.seed);
+  page.bodies = BodiesOf(scene.robot);
+  page.obstacles = scene.obstacles;
+  page.motion_s = problem.duration_s;
+  const double limit = problem.joints.front().limits.torque_max_nm;
+  const bool same = std::ranges::all_of(problem.joints, [limit](const ActuatedJoint& joint) {
+    return joint.limits.torque_max_nm == limit;
+  });
+  page.plots = {PlotOf(problem, "Joint position", "rad", std::nullopt),
+                PlotOf(problem, "Joint torque", "N·m", same ? std::optional(limit) : std::nullopt)};
+  double next_s = 0;
+  Rollout(problem, problem.solver.step_s).VisitInSpace(x, 0, [&](const SpaceSample& sample) {
+    const bool last = sample.time_s >= problem.duration_s + problem.settle_s - 1e-9;
+    if (sample.time_s < next_s - 1e-9 && !last) return;
+    next_s += kFrame_s;
+    if (!page.frames.empty() && !(sample.time_s > page.frames.back().time_s + 1e-6)) return;
+    page.frames.push_back(FrameOf(sample, scene.robot));
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      page.plots[0].series[j].values.push_back(sample.q[Index(problem.joints[j].dof)]);
+      page.plots[1].series[j].values.push_back(sample.torque[j]);
+    }
+  });
+  for (const PurposeFigure& figure : file.purpose)
+    page.facts.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
+  const Certificate& certificate = file.certificate;
+  page.facts.emplace_back("peak torque", fmt::format("{:.2f} N·m", certificate.peak_torque_nm));
+  page.facts.emplace_back("peak penetration",
+                          fmt::format("{:.2f} mm", 1e3 * certificate.peak_penetration_m));
+  page.facts.emplace_back("gradient error", fmt::format("{:.1e}", certificate.gradient_error));
+  page.notes =
+      "Simulated as the model, with joints that follow their paths exactly; whether it holds "
+      "through drives, for robots that differ, or in other physics is not shown here.";
+  return page;
+}
+
+std::vector<double> ParametersOf(const Problem& problem, const Primitive<double>& primitive) {
+  std::vector<double> x;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const std::span<const double> points = primitive.joints[j].position.control_points();
+    x.insert(x.end(), points.begin() + 3, points.end() - 3);
+  }
+  return x;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,197 @@
+#include "offline/studies/space_study.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <stdexcept>
+
+#include "common/core/index.h"
+#include "common/files/parallel_for.h"
+#include "common/files/toml_reader.h"
+#include "offline/certify/driven_motion.h"
+#include "offline/problem/task_toml.h"
+#include "offline/studies/spread_names.h"
+
+namespace tumbler {
+namespace in_space {
+namespace {
+
+/// A target, and when it is due.
+struct Due {
+  CostTerm term;
+  PurposeTarget target;
+  double time_s = 0;
+};
+
+std::vector<Due> TargetsOf(const Problem& problem) {
+  std::vector<Due> due;
+  for (const CostTerm& term : problem.cost) {
+    if (!term.draws()) continue;
+    Due one{term, {}, problem.duration_s};
+    one.target.of = term.of();
+    one.target.target = term.target;
+    one.target.tolerance = term.tolerance;
+    one.target.link = term.quantity.link;
+    one.target.in_space = term.quantity.in_link;
+    one.target.along = term.quantity.direction;
+    if (term.when == CostTerm::When::kSettled) {
+      one.time_s += problem.settle_s;
+      one.target.when = PurposeTarget::When::kSettled;
+    } else if (term.when == CostTerm::When::kTime) {
+      one.time_s = one.target.time_s = term.time_s;
+      one.target.when = PurposeTarget::When::kTime;
+    }
+    due.push_back(std::move(one));
+  }
+  return due;
+}
+
+/// Spreads that say something of robots in space.
+void CheckSpreads(const Spreads& spreads) {
+  for (const SpreadName& name : kSpreadNames) {
+    const std::string key = name.key;
+    const bool known = key == "mass" || key == "inertia" || key == "mass_centre_m" ||
+                       key == "friction" || key == "stiffness" || key == "damping" ||
+                       key == "slope_rad";
+    if (known || name.none(spreads)) continue;
+    throw std::invalid_argument(
+        fmt::format("{}: is for robots in the plane so far; allowed in space: --mass, --inertia, "
+                    "--mass-centre, --friction, --stiffness, --damping, --slope",
+                    name.option));
+  }
+}
+
+SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std::vector<double>& x,
+                   const std::vector<Due>& targets, const SpaceStudy& study,
+                   const DriveGains& gains, int index) {
+  const SpaceScene& model = problem.space->scene;
+  const RobotVariation variation =
+      DrawRobot(model, study.spreads, study.scale, study.seed, static_cast<std::uint64_t>(index));
+  const PlayedRobot<Spatial> played{Varied(model, variation), gains, 0, study.period_s};
+  std::vector<JointMotion<double>::Spline> feed_forward;
+  for (const JointMotion<double>& motion : file.primitive.motions())
+    feed_forward.push_back(motion.torque);
+  SpaceTrial trial;
+  double last_s = 0;
+  for (const Due& due : targets) {
+    trial.purpose.push_back({due.target, std::nullopt});
+    last_s = std::max(last_s, due.time_s);
+  }
+  // Every target is judged at the last step before its time is over.
+  const auto judge = [&](const DrivenSample& at) {
+    for (std::size_t i = 0; i < targets.size(); ++i) {
+      if (at.time_s <= targets[i].time_s + 1e-9)
+        trial.purpose[i].result = targets[i].term.Value({at.q, at.qd, {}, at.axes});
+    }
+    return true;
+  };
+  trial.finite = PlayThroughDrivesInSpace(problem, x, feed_forward, played,
+                                          last_s + problem.solver.step_s, judge);
+  if (!trial.finite) {
+    for (JudgedTarget& judged : trial.purpose) judged.result.reset();
+  }
+  return trial;
+}
+
+}  // namespace
+}  // namespace in_space
+
+SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
+  in_space::CheckSpreads(study.spreads);
+  const PrimitiveFile file = LoadPrimitive(study.motion);
+  const Task task = TaskOf(file, TaskSpaces::kPlaneAndSpace);
+  const Problem& problem = task.problem;
+  const std::vector<in_space::Due> targets = in_space::TargetsOf(problem);
+  if (targets.empty()) {
+    throw std::invalid_argument(
+        fmt::format("{}: its task asks for nothing that a robot could meet or miss", study.motion));
+  }
+  std::vector<double> x;
+  for (const JointMotion<double>& motion : file.primitive.motions()) {
+    const std::span<const double> points = motion.position.control_points();
+    x.insert(x.end(), points.begin() + 3, points.end() - 3);
+  }
+  SpaceStudyResult result{study, file.drives.value_or(problem.drive_gains()), {}};
+  std::vector<SpaceTrial> trials(Index(study.robots));
+  std::vector<char> played(trials.size(), 0);
+  std::mutex mutex;
+  int known = 0;
+  ParallelFor(study.robots, study.threads, [&](int i, int /*thread*/) {
+    if (study.interrupt != nullptr && *study.interrupt) return;
+    trials[Index(i)] = in_space::PlayOne(problem, file, x, targets, study, result.gains, i);
+    played[Index(i)] = 1;
+    const std::lock_guard<std::mutex> lock(mutex);
+    ++known;
+    if (study.progress) study.progress(known);
+  });
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    if (played[i] != 0) result.trials.push_back(std::move(trials[i]));
+  }
+  return result;
+}
+
+Share SpaceStudyResult::share() const {
+  const auto count = std::ranges::count_if(trials, &SpaceTrial::as_asked);
+  return ShareOf(static_cast<int>(count), static_cast<int>(trials.size()));
+}
+
+std::vector<std::pair<std::string, int>> SpaceStudyResult::Missed() const {
+  std::vector<std::pair<std::string, int>> missed;
+  if (trials.empty()) return missed;
+  for (const JudgedTarget& judged : trials.front().purpose)
+    missed.emplace_back(judged.target.name(), 0);
+  for (const SpaceTrial& trial : trials) {
+    for (std::size_t i = 0; i < missed.size(); ++i)
+      missed[i].second += trial.purpose[i].met().value_or(false) ? 0 : 1;
+  }
+  return missed;
+}
+
+bool IsMotionInSpace(const std::string& path) {
+  TomlTable root = TomlTable::ParseFile(path);
+  if (!root.Has("format") || root.String("format") != "tumbler-primitive") return false;
+  return LoadPrimitive(path).entry.is_in_space();
+}
+
+std::string ToText(const SpaceStudyResult& result) {
+  const SpaceStudy& study = result.study;
+  std::string text = fmt::format(
+      "{}: {} as asked\n  through drives of {} N m/rad and {} N m s/rad, setpoints every {:.3g} "
+      "ms, "
+      "spreads x {}, seed {}; no protocol, executor or bus is simulated\n",
+      study.motion, ToText(result.share()), result.gains.kp_nm_per_rad,
+      result.gains.kd_nm_s_per_rad, 1e3 * study.period_s, study.scale, study.seed);
+  for (const auto& [name, count] : result.Missed()) {
+    if (count > 0) text += fmt::format("    {} miss {}\n", count, name);
+  }
+  return text;
+}
+
+Json ToJson(const SpaceStudyResult& result) {
+  const Share share = result.share();
+  auto missed = Json::Array();
+  for (const auto& [name, count] : result.Missed())
+    missed.Append({{"of", name}, {"robots", count}});
+  Json spreads = Json::Object();
+  for (const SpreadName& name : kSpreadNames) {
+    if (!name.none(result.study.spreads)) spreads[name.key] = name.JsonOf(result.study.spreads);
+  }
+  return {{"motion", result.study.motion},
+          {"where", "model in space, through drives"},
+          {"robots", share.of},
+          {"as_asked", share.count},
+          {"share", share.value()},
+          {"share_95_low", share.low},
+          {"share_95_high", share.high},
+          {"seed", result.study.seed},
+          {"scale", result.study.scale},
+          {"spreads", spreads},
+          {"period_s", result.study.period_s},
+          {"kp_nm_per_rad", result.gains.kp_nm_per_rad},
+          {"kd_nm_s_per_rad", result.gains.kd_nm_s_per_rad},
+          {"missed", missed}};
+}
+
+}  // namespace tumbler

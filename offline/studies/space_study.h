@@ -1,0 +1,61 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/files/json.h"
+#include "common/files/primitive_toml.h"
+#include "common/files/purpose.h"
+#include "common/files/share.h"
+#include "offline/scene/variation.h"
+
+namespace tumbler {
+
+/// How many robots in space that are not the model a motion serves.
+struct SpaceStudy {
+  std::string motion;  ///< Primitive file.
+  int robots = 1000;
+  std::uint64_t seed = 1;
+  double scale = 1;  ///< Multiplies every spread.
+  Spreads spreads;
+  /// With which setpoints change [s]. Eight motors share a bus at 400 Hz, twelve at 290 Hz.
+  double period_s = 2.5e-3;
+  int threads = 1;
+  std::atomic<bool>* interrupt = nullptr;
+  std::function<void(int)> progress;  ///< Told how many robots are known.
+};
+
+/// What became of a robot.
+struct SpaceTrial {
+  bool finite = true;                 ///< Whether its state stayed plausible.
+  std::vector<JudgedTarget> purpose;  ///< Of the task's cost.
+  [[nodiscard]] bool as_asked() const { return finite && AllMet(purpose).value_or(false); }
+};
+
+struct SpaceStudyResult {
+  SpaceStudy study;
+  DriveGains gains;
+  std::vector<SpaceTrial> trials;  ///< Robot by robot; fewer than asked for where interrupted.
+
+  [[nodiscard]] Share share() const;
+  /// How many robots miss each target.
+  [[nodiscard]] std::vector<std::pair<std::string, int>> Missed() const;
+};
+
+/// Plays a motion on robots that differ from the model, through drives that give way and on a bus
+/// that is as slow as its motors make it (PlayThroughDrivesInSpace), and judges each by the targets
+/// of the task's cost, at their own times. No protocol, no executor and no bus is simulated.
+/// @throws std::invalid_argument  about a spread that robots in space do not have, or a task that
+/// asks for nothing.
+SpaceStudyResult RunSpaceStudy(const SpaceStudy& study);
+
+/// Whether a file is a primitive of a robot in space.
+bool IsMotionInSpace(const std::string& path);
+
+std::string ToText(const SpaceStudyResult& result);
+Json ToJson(const SpaceStudyResult& result);
+
+}  // namespace tumbler
