@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
@@ -14,10 +15,7 @@
 #include "offline/pages/report_checks.h"
 
 namespace tumbler {
-namespace {
-
-/// The JSON as text that may stand in a script element. An HTML parser looks for `</script` and
-/// `<!--` even inside strings, so every `<` is escaped.
+// An HTML parser looks for `</script` and `<!--` even inside strings, so every `<` is escaped.
 std::string ScriptText(const Json& json) {
   const std::string text = json.Dump(-1);
   std::string safe;
@@ -32,7 +30,22 @@ std::string ScriptText(const Json& json) {
   return safe;
 }
 
-}  // namespace
+std::string FillPlaces(std::string_view page,
+                       const std::vector<std::pair<std::string_view, std::string>>& texts) {
+  std::string filled;
+  for (std::size_t open = page.find("{{"); open != std::string_view::npos; open = page.find("{{")) {
+    filled += page.substr(0, open);
+    page.remove_prefix(open);
+    const auto named = std::ranges::find_if(texts, [page](const auto& text) {
+      return page.substr(2).starts_with(text.first) &&
+             page.substr(2 + text.first.size()).starts_with("}}");
+    });
+    const bool found = named != texts.end();
+    filled += found ? std::string_view(named->second) : page.substr(0, 2);
+    page.remove_prefix(found ? named->first.size() + 4 : 2);
+  }
+  return filled.append(page);
+}
 
 Json SceneToJson(const ReportData& data) {
   CheckScene(data);
@@ -76,16 +89,7 @@ Json LinkPath(const std::vector<ReportSample>& samples, std::size_t link) {
 }
 
 std::string FillPage(const std::string& page, std::string_view title, const Json& data) {
-  constexpr std::string_view kTitle = "{{title}}";
-  constexpr std::string_view kData = "{{data}}";
-  const std::size_t title_at = page.find(kTitle);
-  const std::size_t data_at = page.find(kData);
-  std::string filled = page.substr(0, title_at);
-  filled += MarkupText(title);
-  filled += page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size());
-  filled += ScriptText(data);
-  filled += page.substr(data_at + kData.size());
-  return filled;
+  return FillPlaces(page, {{"title", MarkupText(title)}, {"data", ScriptText(data)}});
 }
 
 std::string PagePath(const std::string& out) {

@@ -2,11 +2,21 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "common/files/json.h"
 #include "offline/pages/report.h"
 
 namespace tumbler {
+
+/// A page with texts filled in, each at `{{NAME}}`. What was filled in is not looked through again,
+/// so that texts may have such places in them.
+std::string FillPlaces(std::string_view page,
+                       const std::vector<std::pair<std::string_view, std::string>>& texts);
+
+/// JSON as text that may stand in an element `script`. Numbers that are not finite become null.
+std::string ScriptText(const Json& json);
 
 /// A page with its title and data filled in at `{{title}}` and `{{data}}`; both may be any text.
 /// Numbers that are not finite become null.
