@@ -372,7 +372,8 @@ std::string SpaceFilmstrip(const SpaceMotionPage& page, int width_px) {
   const std::size_t columns = width_px < kNarrow_px ? kPoses / 2 : kPoses;
   const Strip strip(page, static_cast<double>(width_px) / static_cast<double>(columns));
   const double row_px = strip.height_px() + 24;
-  const double height_px = row_px * static_cast<double>(kPoses / columns);
+  const std::size_t rows = kPoses / columns;
+  const double height_px = row_px * static_cast<double>(rows);
   std::string svg = fmt::format(
       R"(<svg xmlns="http://www.w3.org/2000/svg" width="{0}" height="{1:.0f}" viewBox="0 0 {0} {1:.0f}" role="img" aria-label="{2}">
 <style>
@@ -388,8 +389,9 @@ text {{ font: 12px system-ui, sans-serif; text-anchor: middle; fill: #626a73; }}
 )",
       width_px, height_px, MarkupText(page.title), SolidGradients(page));
   for (std::size_t i = 0; i < strip.size(); ++i) {
-    const double x = strip.width_px() * static_cast<double>(i % columns);
-    const double y = row_px * static_cast<double>(i / columns);
+    const std::size_t row = i / columns, column = i % columns;
+    const double x = strip.width_px() * static_cast<double>(column);
+    const double y = row_px * static_cast<double>(row);
     svg +=
         strip.Picture(i, fmt::format("x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\"",
                                      x, y, strip.width_px(), strip.height_px()));

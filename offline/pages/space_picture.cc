@@ -280,12 +280,14 @@ std::string GridOf(const SpaceCarpet& carpet) {
   const auto lines = [&](const std::array<double, 2>& range) {
     return static_cast<int>(std::lround((range[1] - range[0]) / carpet.step_m));
   };
-  for (int i = 0; i <= lines(s); ++i)
+  for (int i = 0; i <= lines(s); ++i) {
     path += fmt::format("M{} {}V{}", Short(s[0] + i * carpet.step_m, 4), Short(t[0], 4),
                         Short(t[1], 4));
-  for (int i = 0; i <= lines(t); ++i)
+  }
+  for (int i = 0; i <= lines(t); ++i) {
     path += fmt::format("M{} {}H{}", Short(s[0], 4), Short(t[0] + i * carpet.step_m, 4),
                         Short(s[1], 4));
+  }
   return path;
 }
 
@@ -375,8 +377,9 @@ std::vector<std::string> BodyColours(const SpaceMotionPage& page) {
   std::vector<std::string> colours;
   std::array<int, 9> count{};
   for (const SpaceBody& body : page.bodies) {
-    const Colour& colour = body.hue < 0 ? kGrey : kHues.at(static_cast<std::size_t>(body.hue));
-    const int before = count.at(static_cast<std::size_t>(body.hue + 1))++;
+    const std::size_t hue = body.hue < 0 ? kHues.size() : static_cast<std::size_t>(body.hue);
+    const Colour& colour = hue == kHues.size() ? kGrey : kHues.at(hue);
+    const int before = count.at(hue)++;
     colours.push_back(Hex(colour, before % 2 == 0 ? 1 : kDarker));
   }
   return colours;
@@ -406,7 +409,7 @@ std::string PaintFrame(const SpaceMotionPage& page, const SpaceFrame& frame,
     if (carpet.ground) svg += "<g class=\"shadow\">" + shadows + "</g>";
     svg += fmt::format("<path class=\"grid\" d=\"{}\"/></g>\n", GridOf(carpet));
   }
-  svg += "<g class=\"solids\">" + InOrder(std::move(solids)) + "</g>\n";
+  svg += "<g class=\"solids\" stroke-linejoin=\"round\">" + InOrder(std::move(solids)) + "</g>\n";
   if (camera.m_per_n > 0) {
     for (const SpaceContact& contact : frame.contacts) svg += painter.Arrow(contact);
   }

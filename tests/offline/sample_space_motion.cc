@@ -76,9 +76,8 @@ Vector Foot(double t, std::size_t leg) {
   return foot;
 }
 
-}  // namespace
-
-SpaceMotionPage SampleSpaceMotion() {
+/// The robot, its surroundings, and plots without values.
+SpaceMotionPage RobotAtNoTime() {
   SpaceMotionPage page;
   page.title = "trot around a bend";
   page.subtitle = "tumbler optimize 0.0, seed 7";
@@ -122,6 +121,13 @@ SpaceMotionPage SampleSpaceMotion() {
   plot("Hip pitch", "rad", {});
   plot("Knee", "rad", {-2.6});
   plot("Knee torque", "N·m", {-30, 30});
+  return page;
+}
+
+}  // namespace
+
+SpaceMotionPage SampleSpaceMotion() {
+  SpaceMotionPage page = RobotAtNoTime();
   const int frames = static_cast<int>(std::lround(kEnd_s * 60));
   for (int i = 0; i <= frames; ++i) {
     SpaceFrame frame;
@@ -147,9 +153,10 @@ SpaceMotionPage SampleSpaceMotion() {
       frame.poses.insert(frame.poses.end(), {hip_body, thigh, shank});
       const double force =
           OnGround(t, leg) ? kWeight_n / standing * (1 + 0.3 * std::cos(12 * t)) : 0;
-      if (force > 0)
+      if (force > 0) {
         frame.contacts.push_back({foot - kFoot_m * Vector::UnitZ(),
                                   {0.2 * force * std::sin(15 * t), 0.1 * force * side, force}});
+      }
       page.plots[0].series[leg].values.push_back(roll);
       page.plots[1].series[leg].values.push_back(pitch);
       page.plots[2].series[leg].values.push_back(knee);

@@ -8,8 +8,13 @@ const timePlots = [];
 const settles = motion.last - data.motion_s > 1e-9;
 const touches = data.contacts.some((list) => list.length > 0);
 
+// What moves on a slow machine is less sharp until it stands still.
+let sharpening = null;
 function redraw() {
-  if (stage.width > 0) stage.draw(state.time);
+  if (!(stage.width > 0)) return;
+  stage.draw(state.time);
+  clearTimeout(sharpening);
+  if (stage.sharpness < sharpest()) sharpening = setTimeout(() => stage.draw(state.time, true), 250);
 }
 
 // Figures and legend.
@@ -119,24 +124,31 @@ function follow(camera) {
 function listenToPointers() {
   const canvas = byId('stage');
   const fingers = new Map();
+  let before = null;  // the angles, to which the view returns where a touch turns out to scroll the page
   const spread = () => {
     const [a, b] = [...fingers.values()];
     return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
   };
   canvas.addEventListener('pointerdown', (event) => {
     if (event.pointerType === 'mouse' && event.button !== 0) return;
+    if (fingers.size === 0) before = [stage.azimuth, stage.elevation];
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
     if (event.isTrusted) canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener('pointermove', (event) => {
-    const before = fingers.get(event.pointerId);
-    if (!before) return;
+    const from = fingers.get(event.pointerId);
+    if (!from) return;
     const was = spread();
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    if (fingers.size === 1) turn(-0.45 * (event.clientX - before[0]), 0.45 * (event.clientY - before[1]));
+    if (fingers.size === 1) turn(-0.45 * (event.clientX - from[0]), 0.45 * (event.clientY - from[1]));
     else if (was > 0) resize(spread() / was);
   });
-  for (const end of ['pointerup', 'pointercancel']) canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  canvas.addEventListener('pointerup', (event) => fingers.delete(event.pointerId));
+  canvas.addEventListener('pointercancel', (event) => {
+    if (!fingers.delete(event.pointerId)) return;
+    lookFrom(...before);
+    redraw();
+  });
   // The page scrolls until the view was clicked; a pinch on a touchpad comes as a wheel with ctrl.
   canvas.addEventListener('wheel', (event) => {
     if (document.activeElement !== canvas && !event.ctrlKey) return;

@@ -74,6 +74,9 @@ function hullOf(points) {
   return sorted.length < 3 ? sorted : [...half(sorted), ...half(sorted.reverse())];
 }
 
+// Pixels that are computed for one of the window's, in each direction.
+const sharpest = () => Math.max(2, window.devicePixelRatio || 1);
+
 class SpaceStage {
   constructor(canvas, motion) {
     this.canvas = canvas;
@@ -82,7 +85,7 @@ class SpaceStage {
     this.zoom = 1;
     this.ends = false;
     this.slow = 0;  // frames in a row that took long
-    this.sharpness = 2;  // pixels that are computed for one of the window's, in each direction
+    this.sharpness = sharpest();
     viewpoints.corner = this.data.from_deg;
     [this.azimuth, this.elevation] = viewpoints.corner;
     const solid = (body) => body.shapes.flatMap((shape) => {
@@ -140,8 +143,10 @@ class SpaceStage {
     return [this.width / 2 + this.scale * x, this.height / 2 - this.scale * y];
   }
 
-  draw(t) {
+  // @param sharp  whatever time it takes.
+  draw(t, sharp = false) {
     const {motion, data} = this;
+    this.dense = Math.min(sharp ? sharpest() : this.sharpness, Math.sqrt(3e6 / (this.width * this.height)));
     const {extent_m: [low, high]} = data;
     this.scale = this.fitted * this.zoom;
     this.target = scaled(add(low, high), 0.5);
@@ -163,7 +168,7 @@ class SpaceStage {
     const started = performance.now();
     this.drawSolids(poses, this.obstacles, 1);
     // A slow machine has fewer pixels.
-    this.slow = performance.now() - started > 30 ? this.slow + 1 : 0;
+    this.slow = !sharp && performance.now() - started > 30 ? this.slow + 1 : 0;
     if (this.slow > 8) [this.sharpness, this.slow] = [Math.max(1, 0.7 * this.sharpness), 0];
     this.drawForces(motion.contacts(t));
     this.drawAxes();
@@ -239,8 +244,7 @@ class SpaceStage {
   }
 
   drawSolids(poses, obstacles, opacity) {
-    const {width, height, data} = this;
-    const dense = Math.max(this.ratio, Math.min(this.sharpness, Math.sqrt(3e6 / (width * height))));
+    const {width, height, data, dense} = this;
     const [w, h] = [Math.round(width * dense), Math.round(height * dense)];
     if (!this.picture || this.picture.width !== w || this.picture.height !== h) {
       this.picture = new SolidPicture(w, h);
