@@ -1,15 +1,6 @@
 // Drawing the robot and its surroundings. Bodies are drawn in metres inside a group that turns z up; arrows and
 // text are drawn in pixels.
 
-function element(tag, attributes, parent, text) {
-  const svg = ['svg', 'g', 'path', 'line', 'circle', 'rect', 'text', 'title', 'defs', 'clipPath', 'polyline'].includes(tag);
-  const node = svg ? document.createElementNS('http://www.w3.org/2000/svg', tag) : document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes || {})) node.setAttribute(name, value);
-  if (text !== undefined) node.textContent = text;
-  if (parent) parent.appendChild(node);
-  return node;
-}
-
 // The colour class of a link: that of the joint that moves it, which its curves share; none for the root.
 function linkClass(data, index) {
   const joint = data.joints.findIndex((j) => j.link === index);
