@@ -45,6 +45,7 @@ class SolidPicture {
     this.image = new ImageData(width, height);
     this.pixels = new Uint32Array(this.image.data.buffer);
     this.depth = new Float32Array(width * height);
+    this.found = new Float64Array(4);
   }
 
   // Empty, but for planes z = a x + b y + c, which hide what is behind them.
@@ -54,81 +55,125 @@ class SolidPicture {
     this.depth.fill(-Infinity);
   }
 
-  // Calls hit(x, y) for the pixels of a rectangle. It returns the depth there, or NaN, and leaves the normal in `n`.
-  each(low, high, colour, hit) {
-    const {width, height, pixels, depth, planes} = this;
-    const n = [0, 0, 1];
-    const [left, right] = [Math.max(0, Math.floor(low[0])), Math.min(width - 1, Math.ceil(high[0]))];
-    const [top, bottom] = [Math.max(0, Math.floor(height - high[1])), Math.min(height - 1, Math.ceil(height - low[1]))];
+  // Goes through the pixels of a rectangle: row(y) says from and to where a row may be met, hit(column) whether it is
+  // met there, with depth and normal in `found`. Numbers that are not whole and are handed over for every pixel would
+  // take far longer than what is done with them.
+  each(low, high, colour, row, hit) {
+    const {width, height, pixels, depth, planes, found} = this;
+    const top = Math.max(0, Math.floor(height - high[1]));
+    const bottom = Math.min(height - 1, Math.ceil(height - low[1]));
     const [red, green, blue] = colour;
-    for (let row = top; row <= bottom; ++row) {
-      const y = height - row - 0.5;
-      for (let x = left, i = row * width + left; x <= right; ++x, ++i) {
-        const z = hit(x + 0.5, y, n);
-        if (!(z > depth[i]) || planes.some((p) => z < p[0] * (x + 0.5) + p[1] * y + p[2])) continue;
+    for (let line = top; line <= bottom; ++line) {
+      const y = height - line - 0.5;
+      const [from, to] = row(y);
+      const left = Math.max(0, Math.floor(from));
+      const right = Math.min(width - 1, Math.ceil(to));
+      for (let x = left, i = line * width + left; x <= right; ++x, ++i) {
+        if (!hit(x)) continue;
+        const z = found[0];
+        if (!(z > depth[i])) continue;
+        let hidden = false;
+        for (const p of planes) hidden ||= z < p[0] * (x + 0.5) + p[1] * y + p[2];
+        if (hidden) continue;
         depth[i] = z;
-        const k = brightness(n[0], n[1], n[2]);
+        const k = brightness(found[1], found[2], found[3]);
         pixels[i] = 0xff000000 | (Math.min(255, k * blue) << 16) | (Math.min(255, k * green) << 8) | Math.min(255, k * red);
       }
     }
   }
 
   tube(a, b, r, colour) {
+    const {found} = this;
     const l = length(add(b, a, -1));
-    const d = l > 0 ? scaled(add(b, a, -1), 1 / l) : [0, 0, 1];
-    const across = 1 - d[2] * d[2];
-    const top = a[2] > b[2] ? a : b;
+    const [dx, dy, dz] = l > 0 ? scaled(add(b, a, -1), 1 / l) : [0, 0, 1];
+    const [ax, ay, az] = a;
+    const across = 1 - dz * dz;
+    const long = across > 1e-6;
+    const top = az > b[2] ? a : b;
+    const low = [0, 1].map((k) => Math.min(a[k], b[k]) - r);
+    const high = [0, 1].map((k) => Math.max(a[k], b[k]) + r);
+    const reach = (r * Math.sqrt(across)) / Math.abs(dy);
+    let y = 0;
+    const row = (at) => {
+      y = at;
+      if (Math.abs(dy) < 0.1) return [low[0], high[0]];
+      const middle = ax + ((y - ay) * dx) / dy;
+      return [Math.max(low[0], middle - reach), Math.min(high[0], middle + reach)];
+    };
     // The nearest point on the tube of infinite length, or else on the ball at the end beyond which it is.
-    this.each([Math.min(a[0], b[0]) - r, Math.min(a[1], b[1]) - r], [Math.max(a[0], b[0]) + r, Math.max(a[1], b[1]) + r], colour, (x, y, n) => {
+    this.each(low, high, colour, row, (column) => {
       let end = top;
-      if (across > 1e-6 && l > 0) {
-        const [u, v] = [x - a[0], y - a[1]];
-        const along = u * d[0] + v * d[1];
-        const half = -along * d[2];
+      if (long) {
+        const u = column + 0.5 - ax;
+        const v = y - ay;
+        const along = u * dx + v * dy;
+        const half = -along * dz;
         const root = half * half - across * (u * u + v * v - along * along - r * r);
-        if (root < 0) return NaN;
+        if (root < 0) return false;
         const z = (Math.sqrt(root) - half) / across;
-        const s = along + z * d[2];
+        const s = along + z * dz;
         if (s >= 0 && s <= l) {
-          n[0] = (u - s * d[0]) / r;
-          n[1] = (v - s * d[1]) / r;
-          n[2] = (z - s * d[2]) / r;
-          return a[2] + z;
+          found[0] = az + z;
+          found[1] = (u - s * dx) / r;
+          found[2] = (v - s * dy) / r;
+          found[3] = (z - s * dz) / r;
+          return true;
         }
         end = s < 0 ? a : b;
       }
-      const [u, v] = [x - end[0], y - end[1]];
+      const u = column + 0.5 - end[0];
+      const v = y - end[1];
       const square = r * r - u * u - v * v;
-      if (square < 0) return NaN;
+      if (square < 0) return false;
       const z = Math.sqrt(square);
-      n[0] = u / r;
-      n[1] = v / r;
-      n[2] = z / r;
-      return end[2] + z;
+      found[0] = end[2] + z;
+      found[1] = u / r;
+      found[2] = v / r;
+      found[3] = z / r;
+      return true;
     });
   }
 
   box(c, sides, colour) {
+    const {found} = this;
     const h = sides.map(length);
-    const axes = sides.map((side, i) => (h[i] > 0 ? scaled(side, 1 / h[i]) : cross(sides[(i + 1) % 3], sides[(i + 2) % 3])));
-    for (const [i, axis] of axes.entries()) axes[i] = scaled(axis, (axis[2] < 0 ? -1 : 1) / (length(axis) || 1));
+    // Unit vectors out of the sides that are seen.
+    const axes = sides.map((side, i) => {
+      const axis = h[i] > 0 ? side : cross(sides[(i + 1) % 3], sides[(i + 2) % 3]);
+      return scaled(axis, (axis[2] < 0 ? -1 : 1) / (length(axis) || 1));
+    });
+    const [cx, cy, cz] = c;
     const reach = [0, 1].map((k) => axes.reduce((sum, axis, i) => sum + Math.abs(axis[k]) * h[i], 0));
-    this.each([c[0] - reach[0], c[1] - reach[1]], [c[0] + reach[0], c[1] + reach[1]], colour, (x, y, n) => {
-      let [enter, leave, side] = [-Infinity, Infinity, 0];
+    let y = 0;
+    const row = (at) => {
+      y = at;
+      return [cx - reach[0], cx + reach[0]];
+    };
+    this.each([cx - reach[0], cy - reach[1]], [cx + reach[0], cy + reach[1]], colour, row, (column) => {
+      let enter = -Infinity;
+      let leave = Infinity;
+      let side = 0;
       for (let i = 0; i < 3; ++i) {
         const axis = axes[i];
-        const o = (x - c[0]) * axis[0] + (y - c[1]) * axis[1];
+        const o = (column + 0.5 - cx) * axis[0] + (y - cy) * axis[1];
         if (axis[2] < 1e-9) {
-          if (Math.abs(o) > h[i]) return NaN;
+          if (Math.abs(o) > h[i]) return false;
           continue;
         }
         const out = (h[i] - o) / axis[2];
         enter = Math.max(enter, (-h[i] - o) / axis[2]);
-        if (out < leave) [leave, side] = [out, i];
+        if (out < leave) {
+          leave = out;
+          side = i;
+        }
       }
-      if (enter > leave) return NaN;
-      [n[0], n[1], n[2]] = axes[side];
-      return c[2] + leave;
+      if (enter > leave) return false;
+      const axis = axes[side];
+      found[0] = cz + leave;
+      found[1] = axis[0];
+      found[2] = axis[1];
+      found[3] = axis[2];
+      return true;
     });
   }
 }
