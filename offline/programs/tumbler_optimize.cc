@@ -26,6 +26,8 @@
 #include "offline/pages/motion_report.h"
 #include "offline/pages/page_file.h"
 #include "offline/pages/report.h"
+#include "offline/pages/space_motion.h"
+#include "offline/pages/space_page.h"
 #include "offline/problem/posterior_toml.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/guess.h"
@@ -118,6 +120,11 @@ void Flush(std::FILE* stream) {
   }
 }
 
+/// Writes the page of a motion in space. @returns its path.
+std::string WriteSpacePage(const TaskResult& result, const std::string& where) {
+  return WritePage(SpacePage(MakeSpaceMotionPage(result.task, result.best.x, *result.file)), where);
+}
+
 /// The data of the page of a result. @pre the result has a file.
 ReportData PageOf(const TaskResult& result) {
   ReportData data = MakeReportData(result.task, result.outcome, result.best, *result.file);
@@ -167,7 +174,8 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   std::optional<ReportData> report;
-  if (!arguments.report.empty()) report = PageOf(result);
+  const bool in_space = result.problem().space.has_value();
+  if (!arguments.report.empty() && !in_space) report = PageOf(result);
   if (end_requested && !arguments.keep_best) return drop();
   IgnoreEndSignals();  // From here on, files are written whole.
   const bool interrupted = end_requested;
@@ -182,6 +190,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   Flush(stdout);
   std::string page;
   if (report) page = WriteReport(*report, arguments.report);
+  if (!arguments.report.empty() && in_space) page = WriteSpacePage(result, arguments.report);
   if (json_file) json_file->Commit();
   if (primitive_file) primitive_file->Commit();
 
@@ -251,8 +260,10 @@ void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& a
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   PrintMotion(people, result);
   if (!arguments.report.empty()) {
+    const std::string where = ReportOf(result.task, arguments);
     fmt::print(people, "  report {}\n",
-               WriteReport(PageOf(result), ReportOf(result.task, arguments)));
+               result.problem().space ? WriteSpacePage(result, where)
+                                      : WriteReport(PageOf(result), where));
   }
   if (arguments.out.empty()) return;
   fs::create_directories(arguments.out);
