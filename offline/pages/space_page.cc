@@ -168,6 +168,7 @@ Json CarpetToJson(const SpaceCarpet& carpet) {
           {"normal", VectorToJson(carpet.normal)},
           {"s", carpet.s},
           {"t", carpet.t},
+          {"outline", carpet.outline},
           {"ground", carpet.ground}};
 }
 

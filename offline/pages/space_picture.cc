@@ -291,6 +291,61 @@ std::string GridOf(const SpaceCarpet& carpet) {
   return path;
 }
 
+/// What is left of a convex polygon where value(corner), a linear function, is not below zero.
+template <class Value>
+std::vector<std::array<double, 2>> Cut(const std::vector<std::array<double, 2>>& polygon,
+                                       Value value) {
+  std::vector<std::array<double, 2>> left;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const auto& a = polygon[i];
+    const auto& b = polygon[(i + 1) % polygon.size()];
+    const double of_a = value(a), of_b = value(b);
+    if (of_a >= 0) left.push_back(a);
+    if ((of_a >= 0) == (of_b >= 0)) continue;
+    const double share = of_a / (of_a - of_b);
+    left.push_back({a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])});
+  }
+  return left;
+}
+
+/// The carpet of a half-space around an extent.
+SpaceCarpet CarpetOf(const Shape<Spatial>& half_space, const SpaceExtent& around, double step_m) {
+  SpaceCarpet carpet;
+  const Vector& n = carpet.normal = half_space.normal;
+  const Vector& c = half_space.centre;
+  carpet.step_m = step_m;
+  carpet.ground = n.z() > 0.3;
+  if (carpet.ground) {
+    carpet.origin = {0, 0, n.dot(c) / n.z()};
+    carpet.along_s = {1, 0, -n.x() / n.z()};
+    carpet.along_t = {0, 1, -n.y() / n.z()};
+  } else {
+    carpet.along_s =
+        std::abs(n.z()) < 0.9 ? n.cross(Vector::UnitZ()).normalized() : Vector::UnitX();
+    carpet.along_t = carpet.along_s.cross(n);
+    carpet.origin = n * n.dot(c);
+  }
+  carpet.s = carpet.t = {std::numeric_limits<double>::infinity(),
+                         -std::numeric_limits<double>::infinity()};
+  for (int corner = 0; corner < 8; ++corner) {
+    Vector p;
+    for (int i = 0; i < 3; ++i) p[i] = (corner >> i & 1) != 0 ? around.high[i] : around.low[i];
+    const double s = carpet.ground ? p.x() : carpet.along_s.dot(p - carpet.origin);
+    const double t = carpet.ground ? p.y() : carpet.along_t.dot(p - carpet.origin);
+    carpet.s = {std::min(carpet.s[0], s), std::max(carpet.s[1], s)};
+    carpet.t = {std::min(carpet.t[0], t), std::max(carpet.t[1], t)};
+  }
+  for (auto* range : {&carpet.s, &carpet.t}) {
+    (*range)[0] = step_m * std::floor((*range)[0] / step_m);
+    (*range)[1] = step_m * std::ceil((*range)[1] / step_m);
+  }
+  carpet.outline = {{carpet.s[0], carpet.t[0]},
+                    {carpet.s[1], carpet.t[0]},
+                    {carpet.s[1], carpet.t[1]},
+                    {carpet.s[0], carpet.t[1]}};
+  return carpet;
+}
+
 }  // namespace
 
 SpaceView SpaceView::From(double azimuth_rad, double elevation_rad) {
@@ -339,36 +394,15 @@ std::vector<SpaceCarpet> CarpetsOf(const SpaceMotionPage& page, const SpaceExten
   std::vector<SpaceCarpet> carpets;
   for (const Obstacle<Spatial>& obstacle : page.obstacles) {
     if (!obstacle.shape.half_space) continue;
-    SpaceCarpet carpet;
-    const Vector& n = carpet.normal = obstacle.shape.normal;
-    const Vector& c = obstacle.shape.centre;
-    carpet.step_m = step_m;
-    carpet.ground = n.z() > 0.3;
-    if (carpet.ground) {
-      carpet.origin = {0, 0, n.dot(c) / n.z()};
-      carpet.along_s = {1, 0, -n.x() / n.z()};
-      carpet.along_t = {0, 1, -n.y() / n.z()};
-    } else {
-      carpet.along_s =
-          std::abs(n.z()) < 0.9 ? n.cross(Vector::UnitZ()).normalized() : Vector::UnitX();
-      carpet.along_t = carpet.along_s.cross(n);
-      carpet.origin = n * n.dot(c);
+    SpaceCarpet carpet = CarpetOf(obstacle.shape, around, step_m);
+    for (const Obstacle<Spatial>& other : page.obstacles) {
+      if (!other.shape.half_space || &other == &obstacle) continue;
+      carpet.outline = Cut(carpet.outline, [&](const std::array<double, 2>& at) {
+        const Vector p = carpet.origin + at[0] * carpet.along_s + at[1] * carpet.along_t;
+        return other.shape.normal.dot(p - other.shape.centre) + 1e-9;
+      });
     }
-    carpet.s = carpet.t = {std::numeric_limits<double>::infinity(),
-                           -std::numeric_limits<double>::infinity()};
-    for (int corner = 0; corner < 8; ++corner) {
-      Vector p;
-      for (int i = 0; i < 3; ++i) p[i] = (corner >> i & 1) != 0 ? around.high[i] : around.low[i];
-      const double s = carpet.ground ? p.x() : carpet.along_s.dot(p - carpet.origin);
-      const double t = carpet.ground ? p.y() : carpet.along_t.dot(p - carpet.origin);
-      carpet.s = {std::min(carpet.s[0], s), std::max(carpet.s[1], s)};
-      carpet.t = {std::min(carpet.t[0], t), std::max(carpet.t[1], t)};
-    }
-    for (auto* range : {&carpet.s, &carpet.t}) {
-      (*range)[0] = step_m * std::floor((*range)[0] / step_m);
-      (*range)[1] = step_m * std::ceil((*range)[1] / step_m);
-    }
-    carpets.push_back(carpet);
+    if (carpet.outline.size() > 2) carpets.push_back(std::move(carpet));
   }
   return carpets;
 }
@@ -402,11 +436,17 @@ std::string PaintFrame(const SpaceMotionPage& page, const SpaceFrame& frame,
       add(shape, frame.poses[b], colours[b]);
   }
   std::string svg;
-  for (const SpaceCarpet& carpet : carpets) {
-    svg += fmt::format("<g {}><path class=\"carpet\" d=\"M{} {}H{}V{}H{}z\"/>",
-                       painter.OnCarpet(carpet), Short(carpet.s[0], 4), Short(carpet.t[0], 4),
-                       Short(carpet.s[1], 4), Short(carpet.t[1], 4), Short(carpet.s[0], 4));
-    if (carpet.ground) svg += "<g class=\"shadow\">" + shadows + "</g>";
+  for (std::size_t k = 0; k < carpets.size(); ++k) {
+    const SpaceCarpet& carpet = carpets[k];
+    const std::string outline = PathOf(carpet.outline, 4);
+    const std::string cut = fmt::format("cut-{:.0f}-{}", 1e3 * frame.time_s, k);
+    svg += fmt::format(
+        "<clipPath id=\"{0}\"><path d=\"{1}\"/></clipPath><g {2} clip-path=\"url(#{0})\">", cut,
+        outline, painter.OnCarpet(carpet));
+    if (carpet.normal.dot(camera.view.toward) > 0) {
+      svg += "<path class=\"carpet\" d=\"" + outline + "\"/>";
+      if (carpet.ground) svg += "<g class=\"shadow\">" + shadows + "</g>";
+    }
     svg += fmt::format("<path class=\"grid\" d=\"{}\"/></g>\n", GridOf(carpet));
   }
   svg += "<g class=\"solids\" stroke-linejoin=\"round\">" + InOrder(std::move(solids)) + "</g>\n";

@@ -42,10 +42,12 @@ struct SpaceCarpet {
   SpaceVector origin, along_s, along_t, normal;
   std::array<double, 2> s, t;  ///< From, to: multiples of `step_m`.
   double step_m = 0;           ///< Of the grid.
-  bool ground = false;         ///< Otherwise it is a wall, on which nothing has a shadow.
+  /// The part of the range that is not inside other half-spaces: corners of a convex polygon.
+  std::vector<std::array<double, 2>> outline;
+  bool ground = false;  ///< Otherwise it is a wall, on which nothing has a shadow.
 };
 
-/// The carpets of all half-spaces around an extent.
+/// The carpets of all half-spaces around an extent, as far as they are not inside each other.
 std::vector<SpaceCarpet> CarpetsOf(const SpaceMotionPage& page, const SpaceExtent& around,
                                    double step_m);
 
@@ -69,6 +71,8 @@ struct SpaceCamera {
 ///
 /// Solids that touch a box are wholly in front of it or behind it, as their middle is; long
 /// capsules are cut into pieces. That is right where they do not go through each other.
+///
+/// A carpet of which the back is seen has its grid alone.
 ///
 /// Their classes are `carpet`, `grid`, `shadow` and `force`; their gradients are those of
 /// SolidGradients.

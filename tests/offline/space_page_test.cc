@@ -140,11 +140,37 @@ TEST(SpacePicture, HasTheShadowOfABodyStraightBelowIt) {
   ASSERT_EQ(carpets.size(), 1U);
   EXPECT_EQ(carpets[0].s[0], -1);
   EXPECT_EQ(carpets[0].t[1], 1);
-  SpaceCamera camera{SpaceView::From(0, 0), Vector::Zero()};
+  SpaceCamera camera{SpaceView::From(0, 30 * kDegree), Vector::Zero()};
   const std::string svg = PaintFrame(page, page.frames.front(), carpets, camera);
-  // s and t are x and y; z is 0.1 + x / 2.
-  EXPECT_THAT(svg, HasSubstr("<g transform=\"matrix(100 -50 0 0 0 -10)\">"));
+  // s and t are x and y; z is 0.1 + x / 2, and up is (0, sin 30, cos 30).
+  EXPECT_THAT(svg, HasSubstr("<g transform=\"matrix(100 -43.301 0 -50 0 -8.66)\""));
   EXPECT_THAT(svg, HasSubstr("<path d=\"M0.5 0.25z\" stroke-width=\"0.2\"/>"));
+}
+
+TEST(SpacePicture, CutsGroundOffAtAWallAndTheWallAtTheGround) {
+  SpaceMotionPage page = Still({Shape<Spatial>::Sphere({0, 0, 0.5}, 0.1)});
+  page.obstacles = {{"ground", Shape<Spatial>::HalfSpace({0, 0, 0.25}, {0, 0, 1})},
+                    {"wall", Shape<Spatial>::HalfSpace({0, 0.5, 0}, {0, -1, 0})},
+                    {"ground below", Shape<Spatial>::HalfSpace({0, 0, -1}, {0, 0, 1})}};
+  const std::vector<SpaceCarpet> carpets = CarpetsOf(page, {{-1, -1, -1}, {1, 1, 1}}, 1);
+  ASSERT_EQ(carpets.size(), 2U) << "the ground below is inside the other";
+  const auto extent_of = [](const SpaceCarpet& carpet) {
+    SpaceExtent extent = SpaceExtent::None();
+    for (const auto& [s, t] : carpet.outline)
+      extent.Add(carpet.origin + s * carpet.along_s + t * carpet.along_t);
+    return extent;
+  };
+  EXPECT_LT((extent_of(carpets[0]).low - Vector(-1, -1, 0.25)).norm(), 1e-6);
+  EXPECT_LT((extent_of(carpets[0]).high - Vector(1, 0.5, 0.25)).norm(), 1e-6);
+  EXPECT_LT((extent_of(carpets[1]).low - Vector(-1, 0.5, 0.25)).norm(), 1e-6);
+  EXPECT_LT((extent_of(carpets[1]).high - Vector(1, 0.5, 1)).norm(), 1e-6);
+  // From the wall's back, its grid alone.
+  const auto fills = [&](double azimuth) {
+    SpaceCamera camera{SpaceView::From(azimuth * kDegree, 20 * kDegree), Vector::Zero()};
+    return CountOf(PaintFrame(page, page.frames.front(), carpets, camera), "class=\"carpet\"");
+  };
+  EXPECT_EQ(fills(0), 2U);
+  EXPECT_EQ(fills(180), 1U);
 }
 
 TEST(SpacePicture, HasAnArrowForAForceFromItsPoint) {

@@ -181,16 +181,23 @@ class SpaceStage {
     g.save();
     g.transform(s[0], -s[1], t[0], -t[1], ...origin);
     const size = [carpet.s[1] - carpet.s[0], carpet.t[1] - carpet.t[0]];
+    g.beginPath();
+    for (const [k, corner] of carpet.outline.entries()) {
+      if (k === 0) g.moveTo(...corner); else g.lineTo(...corner);
+    }
+    g.clip();
+    // Of its back there is the grid alone.
+    const front = dot(carpet.normal, this.toward) > 0;
     g.fillStyle = this.colour('--carpet');
-    g.fillRect(carpet.s[0], carpet.t[0], ...size);
-    if (carpet.ground) {
+    if (front) g.fill();
+    if (carpet.ground && front) {
       g.fillStyle = g.strokeStyle = this.colour('--shadow');
       g.lineJoin = g.lineCap = 'round';
       const fixed = {at: [0, 0, 0], axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]};
       this.obstacles.forEach((solid) => this.drawShadow(solid, fixed));
       this.bodies.forEach((solids, b) => solids.forEach((solid) => this.drawShadow(solid, poses[b])));
     }
-    g.restore();
+    g.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     g.beginPath();
     const line = (from, to) => {
       for (const [k, [x, y]] of [from, to].entries()) {
@@ -205,7 +212,7 @@ class SpaceStage {
     g.globalAlpha = 0.35;
     g.lineWidth = 1;
     g.stroke();
-    g.globalAlpha = 1;
+    g.restore();
   }
 
   drawShadow(solid, pose) {
