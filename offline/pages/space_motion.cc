@@ -91,8 +91,13 @@ SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>&
       page.plots[1].series[j].values.push_back(sample.torque[j]);
     }
   });
-  for (const PurposeFigure& figure : file.purpose)
-    page.facts.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
+  for (const PurposeFigure& figure : file.purpose) {
+    // What is nearly nothing is nothing to people.
+    const bool nothing = std::abs(figure.result) < 1e-3 * figure.tolerance;
+    page.facts.emplace_back(fmt::format("{}; asked {:.4g} within {:.3g}", figure.name(),
+                                        figure.target, figure.tolerance),
+                            fmt::format("{:.4g} {}", nothing ? 0.0 : figure.result, figure.unit()));
+  }
   const Certificate& certificate = file.certificate;
   page.facts.emplace_back("peak torque", fmt::format("{:.2f} N·m", certificate.peak_torque_nm));
   page.facts.emplace_back("peak penetration",

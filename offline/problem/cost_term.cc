@@ -33,9 +33,13 @@ struct CostEntry : CostTerm {
 /// Times that are nearer than this are the same [s].
 constexpr double kSameTime_s = 1e-9;
 
+/// The work of motors is for robots in space so far: lanes and forward gradients do not know it.
+constexpr std::array<std::string_view, 3> kPlanarKinds = {
+    CostTerm::kKindNames[0], CostTerm::kKindNames[1], CostTerm::kKindNames[2]};
+
 constexpr std::array kTermKeys = {
     KeyOf<&CostTerm::kind, CostEntry>(
-        "term", CostTerm::kKindNames,
+        "term", kPlanarKinds,
         "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2")
         .Required(),
     KeyOf<&CostTerm::weight, CostEntry>("weight", {-1e9, 1e9}, "")

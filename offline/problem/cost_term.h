@@ -43,10 +43,13 @@ struct CostTerm {
     kSquare,  ///< (value - target)^2 of a coordinate of the root, or of a point of a link.
     kLinear,  ///< value - target, as in [AB04, Eq. 34].
     kEffort,  ///< |tau|^2.
+    /// The power that the motors give, sum of tau qd [W]. Its integral between two states at rest
+    /// of the same height is what contacts and joints turn into heat: feet that slide cost it.
+    kWork,
   };
   /// The names of the kinds in a task, in their order.
-  static constexpr std::array<std::string_view, 3> kKindNames = {"terminal", "terminal-linear",
-                                                                 "effort"};
+  static constexpr std::array<std::string_view, 4> kKindNames = {"terminal", "terminal-linear",
+                                                                 "effort", "work"};
   /// Positions of the root, then their rates, then those of a point of a link, as in a task.
   static constexpr std::array<std::string_view, 10> kCoordinateNames = {
       "x",          "z",       "pitch",   "x_rate",       "z_rate",
@@ -75,6 +78,8 @@ struct CostTerm {
   LinkPoint point = {};
   /// What takes the place of coordinate and point in space.
   SpaceQuantity quantity = {};
+  /// Of `kWork`: the degree of freedom of each joint whose torque is in CostPoint::torque.
+  std::vector<std::size_t> joint_dofs = {};
   /// Whether the task gives the target from the value at the start. A problem's `target` is
   /// absolute all the same.
   bool from_start = false;
@@ -137,6 +142,10 @@ struct CostTerm {
       case Kind::kEffort:
         for (const double torque : at.torque) sum += scale * torque * torque;
         return sum;
+      case Kind::kWork:
+        for (std::size_t j = 0; j < at.torque.size(); ++j)
+          sum += scale * at.torque[j] * at.qd[joint_dofs[j]];
+        return sum;
       case Kind::kSquare:
         return sum + scale * OffTarget(at) * OffTarget(at);
       case Kind::kLinear:
@@ -150,6 +159,12 @@ struct CostTerm {
       case Kind::kEffort:
         for (std::size_t j = 0; j < at.torque.size(); ++j)
           slopes.torque[j] += scale * 2 * at.torque[j];
+        return;
+      case Kind::kWork:
+        for (std::size_t j = 0; j < at.torque.size(); ++j) {
+          slopes.torque[j] += scale * at.qd[joint_dofs[j]];
+          slopes.qd[joint_dofs[j]] += scale * at.torque[j];
+        }
         return;
       case Kind::kSquare:
         AddValueSlopes(scale * 2 * OffTarget(at), at, slopes);

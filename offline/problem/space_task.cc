@@ -160,7 +160,9 @@ constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
 constexpr std::array kTermKeys = {
     KeyOf<&CostTerm::kind, SpaceCostEntry>(
         "term", CostTerm::kKindNames,
-        "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2")
+        "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2; weight times "
+        "the work of the motors [J], which between rests of one height is what turns into heat, as "
+        "where feet slide")
         .Required(),
     KeyOf<&CostTerm::weight, SpaceCostEntry>("weight", {-1e9, 1e9}, "")
         .Required()
@@ -233,6 +235,10 @@ CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem&
   }
   if (!term.of_coordinate()) {
     term.when = CostTerm::When::kThroughout;
+    if (term.kind == CostTerm::Kind::kWork) {
+      for (const ActuatedJoint& joint : problem.joints)
+        term.joint_dofs.push_back(static_cast<std::size_t>(joint.dof));
+    }
     return term;
   }
   term.latest_s = problem.duration_s + problem.settle_s;

@@ -17,6 +17,7 @@
 #include "firmware_interface/devices/drive_models.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "firmware_interface/devices/protocols.h"
+#include "offline/problem/space_task.h"
 #include "offline/problem/task_toml.h"
 #include "offline/twin/twin_toml.h"
 #include "tests/support/docs_tables.h"
@@ -146,6 +147,24 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfATask) {
                            "mirror", "search", "solver"})
     task.Add(name, TableOf(t.at(name)));
   ExpectSchema("tumbler-task", "Tumbler: a task", task);
+}
+
+TEST(InputSchemas, TheTablesOfTheDocumentOfATaskInSpace) {
+  const Tables t = ByName(TaskKeyTables()), space = ByName(SpaceTaskKeyTables());
+  const Json joints = NamesOf(Any("number"));
+  TableSchema start(space.at("start")), end;
+  for (TableSchema* const ends : {&start, &end})
+    ends->Add("joints_rad", joints, true).Add("joints_rad_s", joints);
+  TableSchema task = FileOf(t.at("task"));
+  task.Add("start", start.Done(), true).Add("end", end.Done(), true);
+  for (const char* name : {"limits", "motor"})
+    task.Add(name, TableSchema(t.at(name)).Others(TableOf(t.at(name))).Done());
+  task.Add("cost", ArrayOf(TableOf(space.at("cost"))), true)
+      .Add("obstacle", ArrayOf(Obstacle(space.at("obstacle"))));
+  for (const char* name :
+       {"spline", "contact", "self_contact", "tolerances", "drives", "search", "solver"})
+    task.Add(name, TableOf(t.at(name)));
+  ExpectSchema("tumbler-task-in-space", "Tumbler: a task of a robot in space", task);
 }
 
 std::vector<DriveModel> ModelsOf(std::string_view protocol) {

@@ -142,6 +142,9 @@ along = [1.0, 1.0, 0.5]
 time_s = 0.2
 weight = 0.2
 [[cost]]
+term = "work"
+weight = 0.05
+[[cost]]
 term = "terminal-linear"
 of = "position"
 along = [0.0, 1.0, 0.0]

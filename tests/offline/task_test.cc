@@ -13,6 +13,7 @@
 #include "offline/model/contact_model.h"
 #include "offline/model/hybrid_dynamics.h"
 #include "offline/model/shape.h"
+#include "offline/problem/space_task.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/task_files.h"
@@ -522,6 +523,7 @@ TEST(RestPose, AGivenHeightIsTakenAsItIs) {
 
 TEST(Task, TheTablesOfTheDocumentAreThoseOfTheCode) {
   testing::ExpectTables("docs/formats.md", TaskKeyTables());
+  testing::ExpectTables("docs/space.md", SpaceTaskKeyTables());
 }
 
 }  // namespace

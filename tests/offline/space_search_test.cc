@@ -1,0 +1,256 @@
+// Motions of robots in space: found, certified, written, read, and played on robots that differ.
+
+#include <gmock/gmock-matchers.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "common/files/primitive_toml.h"
+#include "offline/certify/certificate.h"
+#include "offline/certify/second_look.h"
+#include "offline/certify/task_result.h"
+#include "offline/pages/space_motion.h"
+#include "offline/problem/space_task.h"
+#include "offline/problem/task_toml.h"
+#include "offline/studies/space_study.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::Outcome;
+using testing::ReadFile;
+using testing::RunProgram;
+using testing::SourcePath;
+
+/// Solo8 stands, and shifts its weight forward by 3 cm as it goes 3 cm lower: few control points,
+/// and solved in seconds.
+std::string ShiftTask() {
+  return R"(format = "tumbler-task"
+version = 1
+name = "shift"
+robot = "solo8.urdf"
+root = "floating"
+duration_s = 0.4
+settle_s = 0.2
+[start]
+joints_rad = { FL_HFE = 0.8, FL_KFE = -1.6, FR_HFE = 0.8, FR_KFE = -1.6, HL_HFE = -0.8, HL_KFE = 1.6, HR_HFE = -0.8, HR_KFE = 1.6 }
+[end]
+joints_rad = { FL_HFE = 1.0, FL_KFE = -1.9, FR_HFE = 1.0, FR_KFE = -1.9, HL_HFE = -1.0, HL_KFE = 1.9, HR_HFE = -1.0, HR_KFE = 1.9 }
+[spline]
+control_points = 7
+[[cost]]
+term = "terminal"
+of = "position"
+along = [0.0, 0.0, 1.0]
+when = "settled"
+from_start = true
+target = -0.03
+tolerance = 0.01
+weight = 10.0
+[[cost]]
+term = "terminal"
+of = "misalignment"
+axis = [0.0, 0.0, 1.0]
+along = [0.0, 0.0, 1.0]
+when = "settled"
+weight = 5.0
+[[cost]]
+term = "effort"
+weight = 1.0e-3
+[contact]
+resting_contacts = 4
+static_penetration_m = 1.0e-3
+settling_time_s = 0.06
+slip_speed_m_per_s = 0.1
+mu = 0.7
+[[obstacle]]
+name = "ground"
+point_m = [0.0, 0.0, 0.0]
+normal = [0.0, 0.0, 1.0]
+[drives]
+kp_nm_per_rad = 15.0
+kd_nm_s_per_rad = 0.3
+)";
+}
+
+Task Shift() {
+  return ParseTask(ShiftTask(), "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
+                   "solo8.urdf", TaskSpaces::kPlaneAndSpace);
+}
+
+/// The motion of that task, found once for all tests.
+const TaskResult& TheResult() {
+  static const TaskResult result = WorkOn(Shift(), {.quiet = true});
+  return result;
+}
+
+TEST(SpaceSearch, FindsAMotionThatIsAsAskedByAFinerStep) {
+  const TaskResult& result = TheResult();
+  ASSERT_TRUE(result.file) << result.cause;
+  EXPECT_TRUE(result.look.acceptable()) << result.look.Objections();
+  ASSERT_EQ(result.look.purpose.size(), 2U);
+  EXPECT_NEAR(result.look.purpose[0].result, result.look.purpose[0].target, 0.01);
+  EXPECT_LT(result.file->certificate.gradient_error, 1e-5);
+  ASSERT_TRUE(result.look.slip_m);
+  EXPECT_GT(*result.look.slip_m, 0);
+  EXPECT_LT(result.file->certificate.constraint_violation, 1e-6);
+}
+
+TEST(SpaceSearch, FindsTheSameMotionAgainWithTwoThreads) {
+  ASSERT_TRUE(TheResult().file);
+  const TaskResult again = WorkOn(Shift(), {.threads = 2, .quiet = true});
+  ASSERT_TRUE(again.file);
+  EXPECT_EQ(ContentHash(*again.file), ContentHash(*TheResult().file));
+}
+
+TEST(SpacePrimitive, KeepsWhereItsRootIsAndWhatItIsForThroughItsFile) {
+  ASSERT_TRUE(TheResult().file);
+  const PrimitiveFile& file = *TheResult().file;
+  const PrimitiveFile read = ParsePrimitive(ToToml(file), "shift.toml");
+  EXPECT_TRUE(read.entry.is_in_space());
+  EXPECT_EQ(read.entry.root_quaternion, file.entry.root_quaternion);
+  EXPECT_NEAR(read.entry.root_z_m, 0.24, 0.02);
+  ASSERT_EQ(read.purpose.size(), file.purpose.size());
+  EXPECT_EQ(read.purpose[1].of, PurposeTarget::Of::kMisalignment);
+  EXPECT_EQ(read.purpose[1].along, (std::array<double, 3>{0, 0, 1}));
+  const Task task = TaskOf(read, TaskSpaces::kPlaneAndSpace);
+  EXPECT_NEAR(task.problem.start_q[2], file.entry.root_z_m, 1e-12);
+  EXPECT_THAT(ParametersOf(task.problem, read.primitive),
+              ::testing::Pointwise(::testing::DoubleEq(), TheResult().best.x));
+  EXPECT_THROW(TaskOf(read), FileError);  // A caller who takes the plane alone.
+}
+
+TEST(SpacePrimitive, IsRefusedWithAQuaternionThatIsNoRotation) {
+  ASSERT_TRUE(TheResult().file);
+  PrimitiveFile file = *TheResult().file;
+  file.entry.root_quaternion = {1, 0.1, 0, 0};
+  try {
+    ParsePrimitive(ToToml(file), "shift.toml");
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("root_quaternion"));
+  }
+}
+
+TEST(SpaceStudy, JudgesRobotsByTheTaskAndTheModelIsAsAsked) {
+  ASSERT_TRUE(TheResult().file);
+  const testing::TemporaryFolder folder;
+  const std::string path = (folder.path() / "shift.toml").string();
+  testing::WriteFile(path, ToToml(*TheResult().file));
+  SpaceStudy study{.motion = path, .robots = 3};
+  study.spreads.mass = 0;
+  study.spreads.LeaveGround();
+  const SpaceStudyResult model = RunSpaceStudy(study);
+  EXPECT_EQ(model.share().count, 3);
+  EXPECT_EQ(model.trials[0].purpose[0].result, model.trials[1].purpose[0].result);
+  // A ground without friction lets the feet go.
+  study.spreads.friction = GroundSpread::Between{1e-4, 2e-4};
+  const SpaceStudyResult ice = RunSpaceStudy(study);
+  EXPECT_NE(ice.trials[0].purpose[0].result, model.trials[0].purpose[0].result);
+  study.spreads.length = 0.1;
+  EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
+}
+
+TEST(SpacePage, ShowsTheMotionOfAPrimitive) {
+  ASSERT_TRUE(TheResult().file);
+  const TaskResult& result = TheResult();
+  const SpaceMotionPage page = MakeSpaceMotionPage(result.task, result.best.x, *result.file);
+  EXPECT_EQ(page.bodies.size(), 9U);  // base, and two links of each leg
+  EXPECT_GT(page.frames.size(), 30U);
+  EXPECT_NEAR(page.frames.front().poses.front().translation.z(), result.file->entry.root_z_m, 1e-9);
+  EXPECT_EQ(page.frames.front().contacts.size(), 4U);
+  double weight = 0;
+  for (const SpaceContact& contact : page.frames.front().contacts) weight += contact.force_n.z();
+  EXPECT_NEAR(weight, 9.81 * result.problem().space->scene.robot.mass_kg(), 0.05);
+  EXPECT_EQ(page.plots.size(), 2U);
+  EXPECT_EQ(page.plots[0].series.size(), 8U);
+}
+
+TEST(SpacePrograms, SayWhatTheyDoNotTakeYet) {
+  ASSERT_TRUE(TheResult().file);
+  const testing::TemporaryFolder folder;
+  const std::string path = (folder.path() / "shift.toml").string();
+  testing::WriteFile(path, ToToml(*TheResult().file));
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"tumbler", "run", "sim", path},
+           {"tumbler", "chain", "check", path},
+           {"tumbler", "robustness", path, "--lanes"},
+           {"tumbler", "export", path, "--mjcf", (folder.path() / "robot.xml").string()}}) {
+    const Outcome outcome = RunProgram(command);
+    EXPECT_NE(outcome.exit_code, 0) << command[1];
+    EXPECT_THAT(outcome.text, HasSubstr("space")) << command[1];
+    EXPECT_THAT(outcome.text, Not(HasSubstr("segmentation"))) << command[1];
+  }
+}
+
+TEST(SpaceTask, NamesWhatIsForThePlane) {
+  const std::string robot = ReadFile(SourcePath("primitives/solo8/solo8.urdf"));
+  const auto message = [&robot](const std::string& text) -> std::string {
+    try {
+      ParseTask(text, "shift.toml", robot, "solo8.urdf", TaskSpaces::kPlaneAndSpace);
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(message(ShiftTask()), "");
+  EXPECT_THAT(message(ShiftTask() + "[robust]\nmass = 0.05\n"), HasSubstr("robots in the plane"));
+  EXPECT_THAT(
+      message(testing::Replaced(ShiftTask(), "settle_s = 0.2", "settle_s = 0.2\nslope_rad = 0.1")),
+      HasSubstr("normal of an [[obstacle]]"));
+  EXPECT_THAT(
+      message(testing::Replaced(ShiftTask(), "axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, 0.0]")),
+      HasSubstr("no direction"));
+  EXPECT_THAT(message(testing::Replaced(ShiftTask(), "[start]",
+                                        "[start]\nquaternion = [1.0, 1.0, 0.0, 0.0]")),
+              HasSubstr("unit quaternion"));
+  EXPECT_THAT(message(testing::Replaced(ShiftTask(), "[start]", "[start]\npitch_rad = 1.0")),
+              HasSubstr("pitch_rad"));
+}
+
+TEST(SpaceScene, ComesToRestOnItsFeetWithItsWeightOnThem) {
+  const Problem problem = Shift().problem;
+  const SpaceScene& scene = problem.space->scene;
+  SpacePose pose{problem.start_q, problem.space->start_orientation};
+  pose.q[2] = 0;
+  const SpacePose rest = RestPose(scene, pose);
+  EXPECT_NEAR(rest.q[2], problem.start_q[2], 1e-6);
+  EXPECT_NEAR(rest.orientation(2, 2), 1, 1e-4);
+  EXPECT_LT(rest.q[2], TouchingHeight(scene, pose));
+}
+
+TEST(SpaceSelfDistances, AreThoseOfPointsByHandAndHaveTheirDifferencesAsSlopes) {
+  const Problem problem = Shift().problem;
+  const SpaceRobot& robot = problem.space->scene.robot;
+  SpaceSelfDistances distances(robot, problem.space->scene.self_contact.pairs);
+  std::vector<double> q(robot.tree.dofs.size(), 0.0);
+  // Legs that are folded towards each other.
+  for (const char* joint : {"FL_HFE", "FR_HFE"})
+    q[static_cast<std::size_t>(robot.FindDof(joint))] = 1.4;
+  for (const char* joint : {"HL_HFE", "HR_HFE"})
+    q[static_cast<std::size_t>(robot.FindDof(joint))] = -1.4;
+  const auto near = distances.FindNearer(q, 0.1);
+  ASSERT_FALSE(near.empty());
+  const std::vector<SpaceSelfDistances::Near> found(near.begin(), near.end());
+  for (const SpaceSelfDistances::Near& pair : found) {
+    for (std::size_t j = 6; j < q.size(); ++j) {
+      const auto at = [&](double h) {
+        std::vector<double> moved = q;
+        moved[j] += h;
+        SpaceSelfDistances other(robot, std::span(&pair.pair, 1));
+        return other.Nearest(moved).distance_m;
+      };
+      EXPECT_NEAR((at(1e-6) - at(-1e-6)) / 2e-6, pair.slopes[j], 1e-5)
+          << NameOf(robot, pair.pair) << " " << j;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
