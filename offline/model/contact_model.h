@@ -93,6 +93,10 @@ class ContactModel final : public ContactForces<Space> {
   /// Computes the force at e.near, e.p and e.v, and makes it the next active contact.
   typename Space::Wrench SetForce(Evaluation& e, int shape, int obstacle, int other_shape);
   void DifferentiatePoint(HybridDynamics<Space>& dynamics, const Evaluation& e) const;
+  /// The derivatives of a point's wrench, for `HybridDynamics::AddWrenchDerivative`.
+  template <class Motion, class WrenchMap>
+  static void MapsInSpace(const ForceChange& change, const Motion& body_v, WrenchMap& stiffness,
+                          WrenchMap& damping);
   void DifferentiatePair(HybridDynamics<Space>& dynamics, const Evaluation& e) const;
 
   ContactLaw law_;

@@ -199,30 +199,82 @@ void ContactModel<Space>::DifferentiatePoint(HybridDynamics<Space>& dynamics,
                                              const Evaluation& e) const {
   const Vector& u = e.near.u_d;
   const auto& body_v = dynamics.velocity(e.body);
-  const auto W = Space::ForceAt(e.p, e.F);
   const ForceChange change(law_, e);
   typename Space::WrenchMap stiffness;
   typename Space::WrenchMap damping;
-  for (std::size_t m = 0; m < Space::kMotions; ++m) {
-    const auto S = Space::BasisMotion(m);
-    const Vector dc = S.At(e.c);
-    const double dd = u.dot(dc);
-    Vector dp = dc;
-    Vector dF = dd * change.per_d;
-    if (e.near.curvature_per_m != 0) {
-      Vector across = dc - dd * u;
-      if constexpr (Shape<Space>::kDimension > 2) across -= e.near.edge.dot(dc) * e.near.edge;
-      const Vector du = e.near.curvature_per_m * across;
-      dp -= e.radius * du;
-      dF += change.ByNormal(du);
+  if constexpr (Shape<Space>::kDimension > 2) {
+    MapsInSpace(change, body_v, stiffness, damping);
+  } else {
+    const auto W = Space::ForceAt(e.p, e.F);
+    for (std::size_t m = 0; m < Space::kMotions; ++m) {
+      const auto S = Space::BasisMotion(m);
+      const Vector dc = S.At(e.c);
+      const double dd = u.dot(dc);
+      Vector dp = dc;
+      Vector dF = dd * change.per_d;
+      if (e.near.curvature_per_m != 0) {
+        const Vector du = e.near.curvature_per_m * (dc - dd * u);
+        dp -= e.radius * du;
+        dF += change.ByNormal(du);
+      }
+      dF += change.ByVelocity(Space::At(Space::Cross(S, body_v), e.p) + Space::Cross(body_v.w, dp));
+      auto dW = Space::ForceAt(e.p, dF);
+      dW.n += Space::Moment(dp, e.F);
+      stiffness.columns[m] = dW - Space::Cross(S, W);
+      damping.columns[m] = Space::ForceAt(e.p, change.ByVelocity(S.At(e.p)));
     }
-    dF += change.ByVelocity(Space::At(Space::Cross(S, body_v), e.p) + Space::Cross(body_v.w, dp));
-    auto dW = Space::ForceAt(e.p, dF);
-    dW.n += Space::Moment(dp, e.F);
-    stiffness.columns[m] = dW - Space::Cross(S, W);
-    damping.columns[m] = Space::ForceAt(e.p, change.ByVelocity(S.At(e.p)));
   }
   dynamics.AddWrenchDerivative(e.body, stiffness, damping);
+}
+
+/// In space the same with less arithmetic. What is carried along with the body cancels out of
+/// dW - S x* W: where S turns by w about p, and then moves p by J, there remains
+///
+///   ForceAt(p, dF - w x F) + (a x F, 0),   dF by dv = w x v_p + w_body x a,
+///
+/// with the velocity v_p of the body's point at p, and the way a of the point of attack along the
+/// body. A basis motion that turns about the origin is one about p, and J = e_m x p.
+template <class Space>
+template <class Motion, class WrenchMap>
+void ContactModel<Space>::MapsInSpace(const ForceChange& change, const Motion& body_v,
+                                      WrenchMap& stiffness, WrenchMap& damping) {
+  const Evaluation& e = change.e;
+  const Vector& u = e.near.u_d;
+  const Vector v_p = body_v.At(e.p), to_centre = e.c - e.p;
+  const auto turn = [](int m) { return static_cast<std::size_t>(m); };
+  const auto slide = [](int m) { return static_cast<std::size_t>(m) + 3; };
+  for (int m = 0; m < 3; ++m) {
+    const Vector along = Vector::Unit(m);
+    Vector by_slide = u[m] * change.per_d;
+    Vector by_turn = -Space::Cross(along, e.F);
+    Vector attack = Space::Cross(along, to_centre);
+    Vector moment = Vector::Zero();
+    if (e.near.curvature_per_m != 0) {
+      const auto bent = [&](const Vector& dc) -> Vector {
+        return e.near.curvature_per_m * (dc - u.dot(dc) * u - e.near.edge.dot(dc) * e.near.edge);
+      };
+      const Vector slid = bent(along), turned = bent(attack);
+      by_slide +=
+          change.ByNormal(slid) - change.ByVelocity(Space::Cross(body_v.w, e.radius * slid));
+      moment = Space::Moment(-e.radius * slid, e.F);
+      by_turn += change.ByNormal(turned);
+      attack -= e.radius * turned;
+    }
+    by_turn += change.ByVelocity(Space::Cross(along, v_p) + Space::Cross(body_v.w, attack));
+    stiffness.columns[slide(m)] = Space::ForceAt(e.p, by_slide);
+    stiffness.columns[slide(m)].n += moment;
+    stiffness.columns[turn(m)] = Space::ForceAt(e.p, by_turn);
+    stiffness.columns[turn(m)].n += Space::Moment(attack, e.F);
+    damping.columns[slide(m)] = Space::ForceAt(e.p, change.ByVelocity(along));
+  }
+  for (int m = 0; m < 3; ++m) {
+    const int next = (m + 1) % 3, last = (m + 2) % 3;
+    const auto carried = [&](const WrenchMap& map) {
+      return map.columns[slide(last)] * e.p[next] - map.columns[slide(next)] * e.p[last];
+    };
+    stiffness.columns[turn(m)] = stiffness.columns[turn(m)] + carried(stiffness);
+    damping.columns[turn(m)] = carried(damping);
+  }
 }
 
 /// The same with general near points. The law depends only on the relative motion of the two

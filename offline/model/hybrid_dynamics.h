@@ -183,6 +183,7 @@ class HybridDynamics {
     double qd, qdd;
     typename Space::Inertia own;  // of the body
     Wrench momentum;              // own * v
+    Wrench turned;                // v x* momentum
     Wrench external;
     Motion a;                            // acceleration, gravity included as -g at the world
     Rate S_rate2;                        // a_parent x S + v_parent x S_rate
@@ -193,19 +194,17 @@ class HybridDynamics {
     WrenchDerivative wrench_derivative;  // of the body; valid where touched
     WrenchDerivative contact;            // of the subtree
   };
-  /// Calls work(number of free degrees of freedom). Three, as those of a root in the plane, and
-  /// five, with two joints that are driven by torques, are given as constants, for which the loops
-  /// over them are compiled without loops.
+  /// Calls work(number of free degrees of freedom). Those that are common (`Space`) are given as
+  /// constants, for which the loops over them are compiled without loops.
   template <class Work>
   void WithFreeCount(Work&& work) const {
-    constexpr int kRootInPlane = 3, kWithTwoJoints = 5;
-    if (free_count_ == kRootInPlane) {
-      work(std::integral_constant<int, kRootInPlane>());
-    } else if (free_count_ == kWithTwoJoints) {
-      work(std::integral_constant<int, kWithTwoJoints>());
-    } else {
-      work(free_count_);
-    }
+    WithFreeCount(work, typename Space::CommonFreeCounts());
+  }
+  template <class Work, int... kCounts>
+  void WithFreeCount(Work& work, std::integer_sequence<int, kCounts...> /*common*/) const {
+    const bool common =
+        ((free_count_ == kCounts && (work(std::integral_constant<int, kCounts>()), true)) || ...);
+    if (!common) work(free_count_);
   }
   template <class Count>
   void FactorFreeInertia(Count count);
@@ -214,10 +213,18 @@ class HybridDynamics {
   /// Accelerations, forces and bias maps of the bodies at Solve's solution.
   void MoveBodiesAtSolution();
   void DifferentiateInverse(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd);
+  void DifferentiateSlides(std::uint32_t touched, typename Derivatives::Block& d_q,
+                           typename Derivatives::Block& d_qd);
   /// Adds what AddPairDerivative summed up.
   void AddPairs(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd) const;
   template <class Count>
   void DifferentiateByInput(Count count, typename Derivatives::Block& input) const;
+  /// Makes of the derivative of inverse dynamics that of Solve's outputs.
+  template <class Count>
+  void MultiplyOut(Count count, Derivatives& out) const;
+  template <class Count>
+  void AddProducts(Count count, const IntArray<double, kMaxDofs>& R,
+                   const typename Derivatives::Block& D, IntArray<double, kMaxDofs>& row) const;
 
   int n_ = 0;
   int first_body_ = 0;
@@ -227,6 +234,8 @@ class HybridDynamics {
   int free_count_ = 0;
   IntArray<int, kMaxDofs> free_{};        // degree of freedom of each row of the free inertia
   IntArray<int, kMaxDofs> free_index_{};  // and back; -1 where prescribed
+  int prescribed_count_ = 0;
+  IntArray<int, kMaxDofs> prescribed_{};
   Vector gravity_;
   Vector origin_ = Vector::Zero();
   IntArray<Joint, kMaxDofs> joints_;

@@ -38,6 +38,8 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
     if (!dof.prescribed) {
       free_index_[j] = free_count_;
       free_[free_count_++] = j;
+    } else {
+      prescribed_[prescribed_count_++] = j;
     }
   }
   for (int j = 0; j < n_; ++j) {
@@ -145,7 +147,8 @@ void HybridDynamics<Space>::Solve(std::span<double> accelerations, std::span<dou
       body.force = body.external * -1.0;
     } else {
       body.composite = body.own;
-      body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
+      body.turned = Space::Cross(body.v, body.momentum);
+      body.force = body.own * body.a + body.turned - body.external;
     }
   }
   IntArray<double, kMaxDofs> rest;  // tau at free qdd = 0
@@ -158,13 +161,12 @@ void HybridDynamics<Space>::Solve(std::span<double> accelerations, std::span<dou
     body.composite_S = composite_S;
     auto& row = M_[j];
     row[j] = Space::Dot(body.S, composite_S) + joint.rotor_inertia;
-    for (int i = joint.parent; i >= 0; i = joints_[i].parent) {
-      const double m = Space::Dot(bodies_[i].S, composite_S);
-      row[i] = m;
-      M_[i][j] = m;
-    }
-    if (const int i = joint.parent; i >= 0) {
-      Body& parent = bodies_[i];
+    int i = joint.parent;
+    for (; i >= slides_; i = joints_[i].parent)
+      row[i] = M_[i][j] = Space::Dot(bodies_[i].S, composite_S);
+    for (; i >= 0; --i) row[i] = M_[i][j] = bodies_[i].S.v.dot(composite_S.f);
+    if (joint.parent >= 0) {
+      Body& parent = bodies_[joint.parent];
       parent.composite = parent.composite + body.composite;
       parent.force = parent.force + body.force;
     }
@@ -226,7 +228,12 @@ template <class Space>
 void HybridDynamics<Space>::MoveBodiesAtSolution() {
   Motion base;
   base.v = -gravity_;
-  for (int j = 0; j < n_; ++j) {
+  Motion slide = base;
+  for (int j = 0; j < slides_; ++j) {
+    slide.v += bodies_[j].S.v * bodies_[j].qdd;
+    bodies_[j].a = slide;
+  }
+  for (int j = slides_; j < n_; ++j) {
     const Joint& joint = joints_[j];
     Body& body = bodies_[j];
     if (joint.parent < 0) {
@@ -242,7 +249,7 @@ void HybridDynamics<Space>::MoveBodiesAtSolution() {
       body.force = body.external * -1.0;
     } else {
       body.bias = Space::Bias::OfBody(body.own, body.v, body.momentum);
-      body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
+      body.force = body.own * body.a + body.turned - body.external;
     }
   }
 }
@@ -260,7 +267,7 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
   for (int j = 0; j < n_; ++j) {
     if ((touched >> j & 1U) != 0) bodies_[j].contact = bodies_[j].wrench_derivative;
   }
-  for (int j = n_ - 1; j >= 0; --j) {
+  for (int j = n_ - 1; j >= slides_; --j) {
     const Body& body = bodies_[j];
     const int up = joints_[j].parent;
     const bool in_contact = (touched >> j & 1U) != 0;
@@ -276,23 +283,36 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
     d_qd[j][j] = Space::Dot(body.S, by_qd) + joints_[j].damping;
     if (up < 0) continue;
     const auto z = body.bias.TransposeTimes(body.S);
-    for (int i = up; i >= 0; i = joints_[i].parent) {
+    int i = up;
+    for (; i >= slides_; i = joints_[i].parent) {
       const Body& above = bodies_[i];
       d_q[i][j] = Space::Dot(above.S, by_q);
       d_qd[i][j] = Space::Dot(above.S, by_qd);
       d_q[j][i] = Space::Dot(above.S_rate2, body.composite_S) + Space::Apply(z, above.S_rate);
       d_qd[j][i] = Space::Apply(z, above.S) + 2 * Space::Dot(above.S_rate, body.composite_S);
     }
+    for (; i >= 0; --i) {
+      const Vector& direction = bodies_[i].S.v;
+      d_q[i][j] = direction.dot(by_q.f);
+      d_qd[i][j] = direction.dot(by_qd.f);
+      d_q[j][i] = d_qd[j][i] = 0;
+    }
     Body& parent = bodies_[up];
-    parent.bias = parent.bias + body.bias;
-    parent.force = parent.force + body.force;
+    if (up >= slides_) {
+      parent.bias = parent.bias + body.bias;
+      parent.force = parent.force + body.force;
+    }
     if (!in_contact) continue;
     const Wrench k = w.stiffness.TransposeTimes(body.S);
     const Wrench d = w.damping.TransposeTimes(body.S);
-    for (int i = up; i >= 0; i = joints_[i].parent) {
+    for (i = up; i >= slides_; i = joints_[i].parent) {
       const Body& above = bodies_[i];
       d_q[j][i] -= Space::Dot(above.S, k) + Space::Dot(above.S_rate, d);
       d_qd[j][i] -= Space::Dot(above.S, d);
+    }
+    for (; i >= 0; --i) {
+      d_q[j][i] -= bodies_[i].S.v.dot(k.f);
+      d_qd[j][i] -= bodies_[i].S.v.dot(d.f);
     }
     WrenchDerivative& sum = parent.contact;
     if ((touched >> up & 1U) == 0) {
@@ -303,7 +323,42 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
     }
     touched |= 1U << up;
   }
+  DifferentiateSlides(touched, d_q, d_qd);
   if (any_pair_) AddPairs(d_q, d_qd);
+}
+
+/// The root's translations, whose axes never change, among themselves: only contacts depend on
+/// them.
+template <class Space>
+void HybridDynamics<Space>::DifferentiateSlides(std::uint32_t touched,
+                                                typename Derivatives::Block& d_q,
+                                                typename Derivatives::Block& d_qd) {
+  for (int j = slides_ - 1; j >= 0; --j) {
+    for (int i = 0; i <= j; ++i) d_q[i][j] = d_q[j][i] = d_qd[i][j] = d_qd[j][i] = 0;
+    d_qd[j][j] = joints_[j].damping;
+    if ((touched >> j & 1U) == 0) continue;
+    const WrenchDerivative& w = bodies_[j].contact;
+    const Vector& direction = bodies_[j].S.v;
+    const Vector by_q = w.stiffness.ForceOfSlide(direction);
+    const Vector by_qd = w.damping.ForceOfSlide(direction);
+    for (int i = 0; i <= j; ++i) {
+      d_q[i][j] -= bodies_[i].S.v.dot(by_q);
+      d_qd[i][j] -= bodies_[i].S.v.dot(by_qd);
+    }
+    for (int i = 0; i < j; ++i) {
+      d_q[j][i] -= direction.dot(w.stiffness.ForceOfSlide(bodies_[i].S.v));
+      d_qd[j][i] -= direction.dot(w.damping.ForceOfSlide(bodies_[i].S.v));
+    }
+    if (j == 0) continue;
+    WrenchDerivative& sum = bodies_[j - 1].contact;
+    if ((touched >> (j - 1) & 1U) == 0) {
+      sum = w;
+    } else {
+      sum.stiffness += w.stiffness;
+      sum.damping += w.damping;
+    }
+    touched |= 1U << (j - 1);
+  }
 }
 
 template <class Space>
@@ -385,8 +440,8 @@ void HybridDynamics<Space>::DifferentiateByInput(Count count,
       input[free_[k]][free_[i]] = sum;
     }
   }
-  for (int a = 0; a < n_; ++a) {
-    if (!joints_[a].prescribed) continue;
+  for (int at = 0; at < prescribed_count_; ++at) {
+    const int a = prescribed_[at];
     IntArray<double, kMaxDofs> M_a;  // its entries for the free degrees of freedom
     for (int k = 0; k < count; ++k) M_a[k] = M_[a][free_[k]];
     for (int i = 0; i < count; ++i) {
@@ -396,8 +451,8 @@ void HybridDynamics<Space>::DifferentiateByInput(Count count,
       input[p][a] = -sum;
       input[a][p] = sum;
     }
-    for (int b = 0; b <= a; ++b) {
-      if (!joints_[b].prescribed) continue;
+    for (int below = 0; below <= at; ++below) {
+      const int b = prescribed_[below];
       double sum = M_[a][b];
       for (int k = 0; k < count; ++k) sum += M_a[k] * input[free_[k]][b];
       input[a][b] = input[b][a] = sum;
@@ -414,23 +469,49 @@ void HybridDynamics<Space>::DifferentiateFactored(Derivatives& out) {
 template <class Space>
 void HybridDynamics<Space>::Differentiate(Derivatives& out) {
   DifferentiateFactored(out);
-  // out = R D, by rows; those of the free degrees of freedom are needed to the end.
-  IntArray<IntArray<double, kMaxDofs>, kMaxDofs> D;
-  for (typename Derivatives::Block* block : {&out.q, &out.qd}) {
-    for (int p = 0; p < free_count_; ++p) {
-      auto& row = (*block)[free_[p]];
-      for (int k = 0; k < n_; ++k) {
-        D[p][k] = row[k];
-        row[k] = 0;
-      }
+  WithFreeCount([&](auto count) { MultiplyOut(count, out); });
+}
+
+/// out = R D, by rows; those of the free degrees of freedom are needed to the end.
+template <class Space>
+template <class Count>
+void HybridDynamics<Space>::MultiplyOut(Count count, Derivatives& out) const {
+  IntArray<IntArray<double, kMaxDofs>, kMaxDofs> D_q, D_qd;
+  for (int p = 0; p < count; ++p) {
+    auto& row_q = out.q[free_[p]];
+    auto& row_qd = out.qd[free_[p]];
+    for (int k = 0; k < n_; ++k) {
+      D_q[p][k] = row_q[k];
+      D_qd[p][k] = row_qd[k];
+      row_q[k] = row_qd[k] = 0;
     }
-    for (int i = 0; i < n_; ++i) {
-      auto& row = (*block)[i];
-      for (int p = 0; p < free_count_; ++p) {
-        const double R = -out.input[i][free_[p]];
-        for (int k = 0; k < n_; ++k) row[k] += R * D[p][k];
-      }
+  }
+  for (int i = 0; i < n_; ++i) {
+    IntArray<double, kMaxDofs> R;
+    for (int p = 0; p < count; ++p) R[p] = -out.input[i][free_[p]];
+    AddProducts(count, R, D_q, out.q[i]);
+    AddProducts(count, R, D_qd, out.qd[i]);
+  }
+}
+
+/// Adds R D to the row of a product.
+template <class Space>
+template <class Count>
+void HybridDynamics<Space>::AddProducts(Count count, const IntArray<double, kMaxDofs>& R,
+                                        const typename Derivatives::Block& D,
+                                        IntArray<double, kMaxDofs>& row) const {
+  constexpr int kAtOnce = 6;  // columns, which stay in registers
+  int k = 0;
+  for (; k + kAtOnce <= n_; k += kAtOnce) {
+    IntArray<double, kAtOnce> sums;
+    for (int m = 0; m < kAtOnce; ++m) sums[m] = row[k + m];
+    for (int p = 0; p < count; ++p) {
+      for (int m = 0; m < kAtOnce; ++m) sums[m] += R[p] * D[p][k + m];
     }
+    for (int m = 0; m < kAtOnce; ++m) row[k + m] = sums[m];
+  }
+  for (; k < n_; ++k) {
+    for (int p = 0; p < count; ++p) row[k] += R[p] * D[p][k];
   }
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "common/core/functions.h"
 #include "offline/model/plane_vector.h"
@@ -26,6 +27,9 @@ struct Plane {
   /// a planar robot keeps it small.
   static constexpr int kMaxDofs = 12;
   static constexpr std::size_t kMotions = 3;  ///< Dimension of the space of motions.
+  /// Numbers of free degrees of freedom that are common: those of a root, and of one with two
+  /// joints that are driven by torques.
+  using CommonFreeCounts = std::integer_sequence<int, 3, 5>;
 
   /// Angular velocity w applied to the point r.
   static Vector Cross(double w, const Vector& r) { return {-w * r.y(), w * r.x()}; }
@@ -100,6 +104,10 @@ struct Plane {
     }
     friend Wrench operator*(const WrenchMap& a, const Motion& u) {
       return a.columns[0] * u.w + a.columns[1] * u.v.x() + a.columns[2] * u.v.y();
+    }
+    /// The force of the image of a translation.
+    [[nodiscard]] Vector ForceOfSlide(const Vector& v) const {
+      return columns[1].f * v[0] + columns[2].f * v[1];
     }
     /// The covector z with z . u = s . (A u) for every motion u, to be applied by `Dot`.
     [[nodiscard]] Wrench TransposeTimes(const Motion& s) const {

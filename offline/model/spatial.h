@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <utility>
 
 #include "offline/model/plane_vector.h"
 #include "offline/model/space_vector.h"
@@ -21,6 +22,8 @@ struct Spatial {
   /// The most degrees of freedom of a tree, those of the root included.
   static constexpr int kMaxDofs = 32;
   static constexpr std::size_t kMotions = 6;  ///< Dimension of the space of motions.
+  /// Numbers of free degrees of freedom that are common: those of a root.
+  using CommonFreeCounts = std::integer_sequence<int, 6>;
 
   /// Angular velocity w applied to the point r.
   static Vector Cross(const Vector& w, const Vector& r) { return w.cross(r); }
@@ -69,6 +72,24 @@ struct Spatial {
     friend Wrench operator-(const Wrench& a, const Wrench& b) { return {a.n - b.n, a.f - b.f}; }
     friend Wrench operator*(const Wrench& a, double k) { return {a.n * k, a.f * k}; }
   };
+  /// A sum of wrenches, two numbers with which the processor computes at once in each register.
+  class Pairs {
+   public:
+    static Pairs Of(const Wrench& a, double k) { return Pairs(a, k); }
+    void Add(const Wrench& a, double k) {
+      const Pairs more(a, k);
+      for (int i = 0; i < 3; ++i) v_[i] += more.v_[i];
+    }
+    [[nodiscard]] Wrench wrench() const {
+      return {{v_[0][0], v_[0][1], v_[1][0]}, {v_[1][1], v_[2][0], v_[2][1]}};
+    }
+
+   private:
+    using Pair [[gnu::vector_size(16)]] = double;
+    Pairs(const Wrench& a, double k)
+        : v_{Pair{a.n[0], a.n[1]} * k, Pair{a.n[2], a.f[0]} * k, Pair{a.f[1], a.f[2]} * k} {}
+    IntArray<Pair, 3> v_;
+  };
   /// A linear map from motions to wrenches, by its columns.
   struct WrenchMap {
     std::array<Wrench, 6> columns;  ///< Images of `BasisMotion(0)` ... `BasisMotion(5)`.
@@ -77,12 +98,17 @@ struct Spatial {
       return *this;
     }
     friend Wrench operator*(const WrenchMap& a, const Motion& u) {
-      Wrench sum;
-      for (std::size_t m = 0; m < 3; ++m) {
-        const int i = static_cast<int>(m);
-        sum = sum + a.columns[m] * u.w[i] + a.columns[m + 3] * u.v[i];
-      }
-      return sum;
+      Pairs sum = Pairs::Of(a.columns[0], u.w[0]);
+      sum.Add(a.columns[1], u.w[1]);
+      sum.Add(a.columns[2], u.w[2]);
+      sum.Add(a.columns[3], u.v[0]);
+      sum.Add(a.columns[4], u.v[1]);
+      sum.Add(a.columns[5], u.v[2]);
+      return sum.wrench();
+    }
+    /// The force of the image of a translation.
+    [[nodiscard]] Vector ForceOfSlide(const Vector& v) const {
+      return columns[3].f * v[0] + columns[4].f * v[1] + columns[5].f * v[2];
     }
     /// The covector z with z . u = s . (A u) for every motion u, to be applied by `Dot`.
     [[nodiscard]] Wrench TransposeTimes(const Motion& s) const {
@@ -127,14 +153,26 @@ struct Spatial {
     /// The inertia of a body of mass m, mass centre c, rotation R, and inertia i_c about the mass
     /// centre in its own frame.
     static Inertia OfBody(double m, const Vector& c, const Rotation& R, const BodyInertia& i_c) {
-      const SpaceMatrix own = 0.5 * i_c.trace() * SpaceMatrix::Identity() - i_c;
-      return {m, m * c, R.m * own * R.m.transpose() + SpaceMatrix::Outer(m * c, c)};
+      const double half = 0.5 * i_c.trace();
+      const SpaceVector h = m * c;
+      // sigma = R (half 1 - i_c) R^T + h c^T, which is symmetric.
+      const SpaceMatrix turned = R.m * i_c;
+      const auto sigma = [&](int i, int k) {
+        return (i == k ? half : 0) - turned.row(i).dot(R.m.row(k)) + h[i] * c[k];
+      };
+      const double xy = sigma(0, 1), xz = sigma(0, 2), yz = sigma(1, 2);
+      return {m, h, {{sigma(0, 0), xy, xz}, {xy, sigma(1, 1), yz}, {xz, yz, sigma(2, 2)}}};
     }
     friend Inertia operator+(const Inertia& a, const Inertia& b) {
       return {a.m + b.m, a.h + b.h, a.sigma + b.sigma};
     }
     friend Wrench operator*(const Inertia& a, const Motion& b) {
-      return {a.sigma.trace() * b.w - a.sigma * b.w + Cross(a.h, b.v), a.m * b.v + Cross(b.w, a.h)};
+      const double xx = a.sigma(0, 0), yy = a.sigma(1, 1), zz = a.sigma(2, 2);
+      const double xy = a.sigma(0, 1), xz = a.sigma(0, 2), yz = a.sigma(1, 2);
+      const Vector spin{(yy + zz) * b.w[0] - xy * b.w[1] - xz * b.w[2],
+                        (xx + zz) * b.w[1] - xy * b.w[0] - yz * b.w[2],
+                        (xx + yy) * b.w[2] - xz * b.w[0] - yz * b.w[1]};
+      return {spin + Cross(a.h, b.v), a.m * b.v + Cross(b.w, a.h)};
     }
   };
 
