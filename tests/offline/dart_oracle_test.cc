@@ -1,6 +1,6 @@
 // Hybrid dynamics against DART, an independent engine, which uses another algorithm (articulated
 // bodies). On the shipped robot, in the plane: DART reads the URDF with its own loader, and works
-// in three dimensions. In space: on random trees.
+// in three dimensions. In space: on random trees, and on a quadruped with its derivatives.
 
 #include <gtest/gtest.h>
 
@@ -14,6 +14,7 @@
 #include "offline/model/hybrid_dynamics.h"
 #include "tests/support/dart_tumbler.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/solo_robot.h"
 #include "tests/support/to_eigen.h"
 #include "tests/support/tumbler_robot.h"
 
@@ -197,6 +198,152 @@ TEST(DartOracle, AgreesOnRandomTreesInSpaceWithRandomPrescribedJointsAndForces) 
       const double kinetic = skeleton->computeKineticEnergy();
       EXPECT_NEAR(dynamics.KineticEnergy(), kinetic, 1e-11 * (1 + kinetic));
     }
+  }
+}
+
+/// Inverse dynamics and their derivatives by another's: DART has none of its own. Torques are
+/// polynomials of the second degree in velocities, and in the sine and cosine of any one angle;
+/// they are linear in a translation. Differences of the right points are exact for all of these.
+class DartInverse {
+ public:
+  explicit DartInverse(const dart::dynamics::SkeletonPtr& skeleton) : skeleton_(skeleton) {}
+
+  Eigen::VectorXd Torques(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                          const Eigen::VectorXd& qdd) {
+    skeleton_->setPositions(q);
+    skeleton_->setVelocities(qd);
+    skeleton_->setAccelerations(qdd);
+    skeleton_->computeInverseDynamics();
+    return skeleton_->getForces();
+  }
+
+  /// By an angle: the derivative of the trigonometric polynomial through five points around it.
+  Eigen::VectorXd ByPosition(Eigen::VectorXd q, const Eigen::VectorXd& qd,
+                             const Eigen::VectorXd& qdd, Eigen::Index k) {
+    constexpr int kPoints = 5;
+    constexpr double kPi = 3.14159265358979323846;
+    const double angle = q[k];
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(q.size());
+    for (int point = 1; point < kPoints; ++point) {
+      const double away = 2 * kPi * point / kPoints;
+      q[k] = angle + away;
+      // -D(away) of the Dirichlet kernel 1 + 2 cos + 2 cos 2.
+      sum += (2 * std::sin(away) + 4 * std::sin(2 * away)) / kPoints * Torques(q, qd, qdd);
+    }
+    return sum;
+  }
+
+  Eigen::VectorXd ByVelocity(const Eigen::VectorXd& q, Eigen::VectorXd qd,
+                             const Eigen::VectorXd& qdd, Eigen::Index k) {
+    constexpr double kStep = 4;  // of the size of velocities, so that rounding stays small
+    const double velocity = qd[k];
+    qd[k] = velocity + kStep;
+    const Eigen::VectorXd faster = Torques(q, qd, qdd);
+    qd[k] = velocity - kStep;
+    return (faster - Torques(q, qd, qdd)) / (2 * kStep);
+  }
+
+ private:
+  dart::dynamics::SkeletonPtr skeleton_;
+};
+
+/// The largest differences from DART on states of Solo12, in relation to the largest number of the
+/// same kind at that state.
+struct SoloErrors {
+  double acceleration = 0, torque = 0, by_position = 0, by_velocity = 0, by_input = 0;
+};
+
+Eigen::Map<const Eigen::VectorXd> ToEigen(const std::vector<double>& v) {
+  return {v.data(), static_cast<Eigen::Index>(v.size())};
+}
+
+double Relative(const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
+  return (found - expected).cwiseAbs().maxCoeff() / expected.cwiseAbs().maxCoeff();
+}
+
+/// @param driven  whether the joints are given torques; else they follow paths.
+SoloErrors CompareSolo(bool driven, bool derivatives, int trials, std::uint64_t seed) {
+  Robot robot = LoadSolo("solo12");
+  if (!driven) PrescribeJoints(robot);
+  const std::size_t n = robot.tree.dofs.size();
+  const auto size = static_cast<Eigen::Index>(n);
+  const dart::dynamics::SkeletonPtr skeleton = InDart(robot.tree);
+  DartInverse inverse(skeleton);
+  HybridDynamics<Spatial> dynamics(robot.tree);
+  std::mt19937_64 random(seed);
+  SoloErrors errors;
+  const auto note = [](double& worst, double error) { worst = std::max(worst, error); };
+  for (int trial = 0; trial < trials; ++trial) {
+    DynamicsState s = RandomState(random, n);
+    s.q[4] = Uniform(random, -1, 1);  // of roll, away from the singularity
+    for (std::size_t i = 0; i < n; ++i) {
+      skeleton->getJoint(i)->setPosition(0, s.q[i]);
+      skeleton->getJoint(i)->setVelocity(0, s.qd[i]);
+      skeleton->getJoint(i)->setCommand(0, robot.tree.dofs[i].prescribed ? s.qdd[i] : s.tau[i]);
+    }
+    skeleton->computeForwardDynamics();
+    dynamics.SetState(s.q, s.qd);
+    dynamics.Solve(s.qdd, s.tau);
+    note(errors.acceleration, Relative(ToEigen(s.qdd), skeleton->getAccelerations()));
+    note(errors.torque, Relative(ToEigen(s.tau), skeleton->getForces()));
+    if (!derivatives) continue;
+    const Eigen::VectorXd q = ToEigen(s.q), qd = ToEigen(s.qd), qdd = ToEigen(s.qdd);
+    const Eigen::MatrixXd M = skeleton->getMassMatrix();
+    Eigen::MatrixXd by_q(size, size), by_qd(size, size);
+    for (Eigen::Index k = 0; k < size; ++k) {
+      by_qd.col(k) = inverse.ByVelocity(q, qd, qdd, k);
+      by_q.col(k).setZero();  // Nothing depends on where the robot is.
+      if (k >= 3) by_q.col(k) = inverse.ByPosition(q, qd, qdd, k);
+    }
+    // The free degrees of freedom come first: six, or all.
+    const Eigen::Index free = driven ? size : kFloatingDofs, rest = size - free;
+    const Eigen::LLT<Eigen::MatrixXd> inertia(M.topLeftCorner(free, free));
+    const Eigen::MatrixXd M_ap = M.bottomLeftCorner(rest, free);
+    const auto outputs = [&](const Eigen::MatrixXd& D) {
+      Eigen::MatrixXd result(size, size);
+      result.topRows(free) = inertia.solve(-D.topRows(free));
+      result.bottomRows(rest) = D.bottomRows(rest) + M_ap * result.topRows(free);
+      return result;
+    };
+    Eigen::MatrixXd given = M;  // of inverse dynamics by torques and accelerations
+    given.leftCols(free) = -Eigen::MatrixXd::Identity(size, free);
+    HybridDynamics<Spatial>::Derivatives d;
+    dynamics.Differentiate(d);
+    const auto block = [&](const auto& values) {
+      return Eigen::MatrixXd::NullaryExpr(size, size, [&](Eigen::Index i, Eigen::Index k) {
+        return values[static_cast<int>(i)][static_cast<int>(k)];
+      });
+    };
+    note(errors.by_position, Relative(block(d.q), outputs(by_q)));
+    note(errors.by_velocity, Relative(block(d.qd), outputs(by_qd)));
+    note(errors.by_input, Relative(block(d.input), outputs(given)));
+  }
+  return errors;
+}
+
+TEST(DartOracle, AgreesOnSolo12FloatingAtTenThousandStates) {
+  for (const bool driven : {false, true}) {
+    const SoloErrors errors = CompareSolo(driven, false, 10000, 45);
+    EXPECT_LT(errors.acceleration, 1e-12) << driven;
+    EXPECT_LT(errors.torque, 1e-12) << driven;
+  }
+}
+
+TEST(DartOracle, AgreesOnTheDerivativesOfSolo12) {
+  for (const bool driven : {false, true}) {
+    const SoloErrors errors = CompareSolo(driven, true, 100, 46);
+    EXPECT_LT(errors.by_position, 1e-12) << driven;
+    EXPECT_LT(errors.by_velocity, 1e-12) << driven;
+    EXPECT_LT(errors.by_input, 1e-12) << driven;
+  }
+}
+
+TEST(DartOracle, AgreesOnTheDerivativesOfSolo12AtTenThousandStates) {
+  for (const bool driven : {false, true}) {
+    const SoloErrors errors = CompareSolo(driven, true, 5000, 47);
+    EXPECT_LT(errors.by_position, 1e-12) << driven;
+    EXPECT_LT(errors.by_velocity, 1e-12) << driven;
+    EXPECT_LT(errors.by_input, 1e-12) << driven;
   }
 }
 
