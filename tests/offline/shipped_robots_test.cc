@@ -14,6 +14,7 @@
 #include "offline/model/contact_model.h"
 #include "offline/model/contact_shapes.h"
 #include "offline/model/hybrid_dynamics.h"
+#include "offline/model/robot_review.h"
 #include "tests/support/random_robot.h"
 #include "tests/support/solo_robot.h"
 #include "tests/support/tumbler_robot.h"
@@ -182,6 +183,19 @@ TEST_P(Solo, EnergyOfAFreeTumbleDriftsWithTheOrderOfTheMethod) {
   EXPECT_GT(std::log2(coarse / middle), 3.5) << coarse << " J, " << middle << " J";
   EXPECT_GT(std::log2(middle / fine), 3.5) << middle << " J, " << fine << " J";
   EXPECT_LT(fine, 1e-7);
+}
+
+TEST_P(Solo, InThePlaneItMovesWithEightJointsOnceTheOthersAreLocked) {
+  const std::string& name = GetParam().name;
+  const std::string path = testing::SourcePath("primitives/" + name + "/" + name + ".urdf");
+  const RobotReview review = ReviewRobot(ReadTextFile(path), path, RootKind::kPlanarXz, {});
+  EXPECT_THAT(review.mistakes, IsEmpty());
+  EXPECT_THAT(review.notes, IsEmpty());
+  EXPECT_THAT(review.left, IsEmpty());
+  EXPECT_EQ(review.joints_left.size(), 8U);
+  EXPECT_EQ(review.to_lock.size(), name == "solo12" ? 4U : 0U);
+  EXPECT_TRUE(review.touches);
+  EXPECT_TRUE(review.CanBePlanned());
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, Solo, ::testing::Values(Solo8(), Solo12()),
