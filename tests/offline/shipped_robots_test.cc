@@ -1,12 +1,15 @@
 // The shipped robots that are in space: the published figures of the Solo quadrupeds, and a tumbler
 // that has feet with a width.
 
-#include <gmock/gmock-matchers.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <map>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -100,9 +103,10 @@ TEST_P(Solo, HasThePublishedLengthsAndIsAsLongToEachSide) {
     const auto mirrored = [&](const SpaceVector& r) {
       return SpaceVector(end * r.x(), side * r.y(), r.z());
     };
-    for (std::size_t j = 0; j < per_leg; ++j)
+    for (std::size_t j = 0; j < per_leg; ++j) {
       EXPECT_EQ(robot.tree.dofs[kFloatingDofs + per_leg * leg + j].name,
                 name + "_" + published.joints[j]);
+    }
     const SpaceVector hip = dynamics.position(robot.FindDof(name + "_HFE")),
                       knee = dynamics.position(robot.FindDof(name + "_KFE"));
     const RobotLink* const foot = robot.FindLink(name + "_FOOT");
@@ -206,7 +210,7 @@ TEST(WideFeet, InThePlaneTheDynamicsAreTheTumblers) {
   PlanarRobot wide = ParsePlanarRobot(ReadTextFile(path), path, RootKind::kPlanarXz);
   wide.tree.dofs[3].prescribed = wide.tree.dofs[4].prescribed = true;
   const PlanarRobot narrow = LoadTumbler();
-  EXPECT_EQ(wide.own_shapes.size(), narrow.own_shapes.size() + 2 * (2 + 1));
+  EXPECT_EQ(wide.own_shapes.size(), narrow.own_shapes.size() + std::size_t{2} * (2 + 1));
   // Two feet at one place in the plane: each has half of the ground.
   const ContactLaw law;
   ContactLaw half = law;
