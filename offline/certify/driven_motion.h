@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -17,6 +18,13 @@ struct Disturbance {
   double lean_rad = 0;   ///< That is added to the root's pitch where the motion begins.
 };
 
+/// A force on the origin of the root's frame, for a while.
+template <class Space>
+struct RootPush {
+  double start_s = 0, duration_s = 0;
+  typename Space::Vector force_n = Space::Vector::Zero();
+};
+
 /// A robot whose drives play a motion: not that of the problem, where it differs.
 template <class Space>
 struct PlayedRobot {
@@ -24,6 +32,7 @@ struct PlayedRobot {
   DriveGains gains;
   double lean_rad = 0;     ///< That is added to the root's pitch where the motion begins.
   double period_s = 1e-3;  ///< With which setpoints change; those of eight motors on a bus: slower.
+  std::optional<RootPush<Space>> push = std::nullopt;
 };
 
 /// Plays a motion on the nominal robot through drives that give way (Problem::drive_gains), and

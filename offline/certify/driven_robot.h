@@ -40,6 +40,8 @@ class DrivenRobotIn {
       : problem_(problem),
         gains_(played.gains),
         period_s_(played.period_s),
+        push_(played.push),
+        root_body_(played.scene.robot.first_body()),
         robot_(MovedByTorques(played.scene, problem.joints)),
         state_(StartState(robot_, problem)),
         chart_(StartChart<Space>(problem)) {
@@ -73,6 +75,7 @@ class DrivenRobotIn {
   /// @returns whether the state is plausible after the step.
   bool Step(double time_s, double step_s) {
     TakeSetpoints(time_s);
+    pushed_ = push_ && time_s >= push_->start_s && time_s < push_->start_s + push_->duration_s;
     const std::size_t free = robot_.free.size();
     StepRungeKutta<kClassical>(state_, 2 * free, step_s,
                                [this](int, const typename Dynamics::State& state, double* k) {
@@ -146,6 +149,10 @@ class DrivenRobotIn {
     robot_.SetFree(state);
     robot_.tau.fill(0);
     robot_.Touch();
+    if (pushed_) {
+      robot_.dynamics.AddWrench(
+          root_body_, Space::ForceAt(robot_.dynamics.position(root_body_), push_->force_n));
+    }
     for (std::size_t j = 0; j < drives_.size(); ++j) {
       const ActuatedJoint& joint = problem_.joints[j];
       const Setpoint& setpoint = drives_[j].setpoint;
@@ -166,6 +173,9 @@ class DrivenRobotIn {
   std::vector<double> dry_friction_nm_;  // of each joint
   DriveGains gains_;
   double period_s_;
+  std::optional<RootPush<Space>> push_;
+  bool pushed_ = false;  // now
+  int root_body_;
   Dynamics robot_;
   typename Dynamics::State state_;
   RootChart<Space> chart_;

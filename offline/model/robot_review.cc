@@ -48,10 +48,46 @@ static_assert(RobotReview::kMostMoved == kMaxJoints);
 
 std::size_t RobotReview::TooMany() const {
   if (!robot) return 0;
-  const std::size_t room =
-      std::min(kMostMoved, static_cast<std::size_t>(Plane::kMaxDofs - robot->root_dofs));
+  const int dofs = robot->root == RootKind::kFloating ? Spatial::kMaxDofs : Plane::kMaxDofs;
+  const std::size_t room = std::min(kMostMoved, static_cast<std::size_t>(dofs - robot->root_dofs));
   return joints_left.size() > room ? joints_left.size() - room : 0;
 }
+
+std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot) {
+  std::vector<RobotFinding> obstacles = robot.findings;
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    if (robot.MovesMass(static_cast<int>(j))) continue;
+    const std::string& name = robot.joints[j].link;
+    const RobotLink* const link = robot.FindLink(name);
+    obstacles.push_back({link == nullptr ? 0 : link->line, fmt::format("link '{}'", name),
+                         fmt::format("and all that it carries has no mass, so that '{}' cannot be "
+                                     "simulated; allowed: an <inertial>, or the joint in `locked`",
+                                     robot.tree.dofs[j].name)});
+  }
+  return obstacles;
+}
+
+namespace {
+
+/// What a task with a floating root says to the robot.
+void ReviewInSpace(RobotReview& review) {
+  const Robot& robot = *review.robot;
+  const ContactShapes<Spatial> contact = SpatialContactShapes(robot);
+  review.ignored_shapes = contact.ignored;
+  review.touches = !contact.shapes.empty();
+  review.obstacles = ObstaclesToPlanningInSpace(robot);
+  review.left = review.obstacles;
+  for (std::size_t body = Index(robot.root_dofs) - 1; body < robot.tree.dofs.size(); ++body) {
+    const auto on_body = [body](const auto& shape) { return Index(shape.body) == body; };
+    if (std::ranges::any_of(contact.shapes, on_body)) continue;
+    review.without_contact +=
+        (review.without_contact.empty() ? "" : ", ") + robot.joints[body].link;
+  }
+  for (std::size_t j = Index(robot.root_dofs); j < robot.tree.dofs.size(); ++j)
+    review.joints_left.push_back(robot.tree.dofs[j].name);
+}
+
+}  // namespace
 
 RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKind root,
                         const LockedJoints& locked) {
@@ -67,7 +103,7 @@ RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKi
     return review;
   }
   if (root == RootKind::kFloating) {
-    review.ignored_shapes = SpatialContactShapes(*review.robot).ignored;
+    ReviewInSpace(review);
     return review;
   }
   review.obstacles = ObstaclesToPlanning(*review.robot);

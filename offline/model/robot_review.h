@@ -19,17 +19,19 @@ struct RobotReview {
   std::vector<RobotFinding> notes;
   std::vector<IgnoredShape> ignored_shapes;  ///< Contact does not use them.
 
-  /// What a task with this root does not take; it says nothing of a floating root, which no task
-  /// has.
+  /// What a task with this root does not take.
   std::vector<RobotFinding> obstacles;
   /// Joints that no task moves: their axes leave the plane, they follow others, or they move no
   /// mass. Where a task locks them, as near to 0 as their limits let them be, it takes the others.
   LockedJoints to_lock;
   std::vector<RobotFinding> left;  ///< Of the obstacles, with those joints locked.
   /// The joints that are left then, of which a task may move `kMostMoved`, and has at most
-  /// Plane::kMaxDofs with its root.
+  /// Plane::kMaxDofs with its root, or Spatial::kMaxDofs where that floats.
   std::vector<std::string> joints_left;
   bool touches = false;  ///< Whether a shape of it, with those joints locked, can touch something.
+
+  /// Of a floating robot: the moving links that no contact shape is on, with commas between.
+  std::string without_contact;
 
   /// Whether a task takes it, with `to_lock` locked.
   [[nodiscard]] bool CanBePlanned() const {
@@ -41,6 +43,11 @@ struct RobotReview {
   /// The most joints with a motor (kMaxJoints of a primitive).
   static constexpr std::size_t kMostMoved = 8;
 };
+
+/// What stands between a robot and a task in space: masses, inertias or limits that are not
+/// physical, joints that are not modelled (`Robot::findings`), and degrees of freedom that move no
+/// mass.
+std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot);
 
 /// Reads a robot, and looks at everything at once.
 /// @param locked  joints that are locked already.

@@ -4,10 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
 #include "common/core/index.h"
-#include "offline/solve/rollout.h"
+#include "offline/certify/certificate.h"
 
 namespace tumbler {
 namespace {
@@ -80,17 +81,23 @@ SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>&
   page.plots = {PlotOf(problem, "Joint position", "rad", std::nullopt),
                 PlotOf(problem, "Joint torque", "N·m", same ? std::optional(limit) : std::nullopt)};
   double next_s = 0;
-  Rollout(problem, problem.solver.step_s).VisitInSpace(x, 0, [&](const SpaceSample& sample) {
-    const bool last = sample.time_s >= problem.duration_s + problem.settle_s - 1e-9;
-    if (sample.time_s < next_s - 1e-9 && !last) return;
-    next_s += kFrame_s;
-    if (!page.frames.empty() && !(sample.time_s > page.frames.back().time_s + 1e-6)) return;
-    page.frames.push_back(FrameOf(sample, scene.robot));
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      page.plots[0].series[j].values.push_back(sample.q[Index(problem.joints[j].dof)]);
-      page.plots[1].series[j].values.push_back(sample.torque[j]);
+  const double end_s = problem.duration_s + problem.settle_s;
+  const auto take = [&](const auto& sample) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(sample)>, SpaceSample>) {
+      const bool last = std::abs(sample.time_s - end_s) <= 1e-9;
+      if (sample.time_s > end_s + 1e-9 || (sample.time_s < next_s - 1e-9 && !last)) return;
+      next_s += kFrame_s;
+      if (!page.frames.empty() && !(sample.time_s > page.frames.back().time_s + 1e-6)) return;
+      page.frames.push_back(FrameOf(sample, scene.robot));
+      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+        page.plots[0].series[j].values.push_back(sample.q[Index(problem.joints[j].dof)]);
+        page.plots[1].series[j].values.push_back(sample.torque[j]);
+      }
     }
-  });
+  };
+  VisitWithOwnDistance(
+      problem, x, problem.solver.step_s,
+      [&](const auto& sample, const SelfClearance& /*own*/, double /*least_m*/) { take(sample); });
   for (const PurposeFigure& figure : file.purpose) {
     // What is nearly nothing is nothing to people.
     const bool nothing = std::abs(figure.result) < 1e-3 * figure.tolerance;

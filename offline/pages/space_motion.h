@@ -1,9 +1,10 @@
 #pragma once
 
+#include <vector>
+
 #include "common/files/primitive_toml.h"
 #include "offline/pages/space_page.h"
 #include "offline/problem/task_toml.h"
-#include "offline/solve/solver.h"
 
 namespace tumbler {
 

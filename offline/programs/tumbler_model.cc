@@ -239,11 +239,8 @@ void PrintFindings(const Robot& robot, const std::vector<RobotFinding>& findings
 /// Whether a task takes the robot, and what it needs for that.
 void PrintUse(const RobotReview& review) {
   const Robot& robot = *review.robot;
+  const bool in_space = robot.root == RootKind::kFloating;
   fmt::print("can be looked at: yes\n");
-  if (robot.root == RootKind::kFloating) {
-    fmt::print("can be planned: no, a task's root is planar-xz, fixed or hinge-y\n");
-    return;
-  }
   if (review.obstacles.empty() && review.CanBePlanned()) {
     if (review.touches) {
       fmt::print("can be planned: yes, tumbler optimize takes it\n");
@@ -253,7 +250,8 @@ void PrintUse(const RobotReview& review) {
           "needs "
           "collision shapes: spheres, cylinders, capsules or boxes\n");
     }
-    const std::string through = LinksWithoutContact(ReduceToPlane(robot));
+    const std::string through =
+        in_space ? review.without_contact : LinksWithoutContact(ReduceToPlane(robot));
     if (review.touches && !through.empty())
       fmt::print("note: no collision shape, so passes through the ground: {}\n", through);
     return;
@@ -268,13 +266,15 @@ void PrintUse(const RobotReview& review) {
                review.joints_left.empty() ? "none"
                                           : fmt::format("{}", fmt::join(review.joints_left, ", ")));
   }
-  if (review.joints_left.empty()) fmt::print("  it needs a joint that moves in the x-z plane\n");
+  if (review.joints_left.empty()) {
+    fmt::print("  it needs a joint that moves{}\n", in_space ? "" : " in the x-z plane");
+  }
   if (const std::size_t more = review.TooMany(); more > 0) {
     fmt::print(
         "  it needs {} more of these {} joints locked: a task moves up to {}, and has up to {} "
         "coordinates with its root\n    {}\n",
-        more, review.joints_left.size(), RobotReview::kMostMoved, Plane::kMaxDofs,
-        fmt::join(review.joints_left, ", "));
+        more, review.joints_left.size(), RobotReview::kMostMoved,
+        in_space ? Spatial::kMaxDofs : Plane::kMaxDofs, fmt::join(review.joints_left, ", "));
   }
   if (!review.to_lock.empty() && !review.left.empty()) {
     fmt::print("  with these joints locked it still needs another file:\n");

@@ -305,15 +305,14 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
 
 /// What a study of a motion in space does not have.
 void CheckSpaceOptions(const CommandLine& line) {
-  for (const char* option :
-       {"--cycles", "--hold-s", "--get-ups", "--branch", "--twin", "--push", "--sensor-faults",
-        "--lanes", "--compare-lanes", "--drops", "--checkpoint", "--shard", "--merge", "--report",
-        "--window", "--certify", "--drives"}) {
+  for (const char* option : {"--cycles", "--get-ups", "--branch", "--twin", "--sensor-faults",
+                             "--lanes", "--compare-lanes", "--drops", "--checkpoint", "--shard",
+                             "--merge", "--report", "--window", "--certify", "--drives"}) {
     if (!line.Given(option)) continue;
     throw UsageError(option,
                      "is for motions in the plane so far; this one is of a robot in space, "
-                     "for which there are --robots, --seed, --scale, --period-s, --json and "
-                     "the spreads of links and ground");
+                     "for which there are --robots, --seed, --scale, --hold-s, --push, --period-s, "
+                     "--json and the spreads of links and ground");
   }
 }
 
@@ -326,6 +325,8 @@ ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
   study.scale = arguments.study.scale;
   study.spreads = arguments.study.spreads;
   study.period_s = arguments.period_s;
+  if (line.Given("--hold-s")) study.hold_s = arguments.study.run.hold_s;
+  study.push_n = arguments.study.push_n;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   study.threads = arguments.plan.threads == 0 ? cores : arguments.plan.threads;
   study.interrupt = &EndOnSignals();

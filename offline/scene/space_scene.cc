@@ -11,7 +11,7 @@
 #include "common/core/functions.h"
 #include "common/core/index.h"
 #include "common/files/toml_reader.h"
-#include "offline/model/robot_finding.h"
+#include "offline/model/robot_review.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -109,20 +109,6 @@ std::string LinksWithoutContact(const SpaceRobot& robot) {
     names += (names.empty() ? "" : ", ") + robot.body_names[Index(body)];
   }
   return names;
-}
-
-std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot) {
-  std::vector<RobotFinding> obstacles = robot.findings;
-  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
-    if (robot.MovesMass(static_cast<int>(j))) continue;
-    const std::string& name = robot.joints[j].link;
-    const RobotLink* const link = robot.FindLink(name);
-    obstacles.push_back({link == nullptr ? 0 : link->line, fmt::format("link '{}'", name),
-                         fmt::format("and all that it carries has no mass, so that '{}' cannot be "
-                                     "simulated; allowed: an <inertial>, or the joint in `locked`",
-                                     robot.tree.dofs[j].name)});
-  }
-  return obstacles;
 }
 
 SpaceRobot ReduceToSpace(const Robot& robot) {

@@ -59,11 +59,6 @@ struct SpaceRobot {
 /// The moving links that no contact shape is on, with commas between; empty: there are none.
 std::string LinksWithoutContact(const SpaceRobot& robot);
 
-/// What stands between a robot and a task in space: masses, inertias or limits that are not
-/// physical, joints that are not modelled (`Robot::findings`), and degrees of freedom that move no
-/// mass.
-std::vector<RobotFinding> ObstaclesToPlanningInSpace(const Robot& robot);
-
 /// @pre its root is floating.
 /// @throws RobotFileError with ObstaclesToPlanningInSpace, if there are any, and when there are
 /// more than Spatial::kMaxDofs degrees of freedom.

@@ -5,18 +5,23 @@
 #include <algorithm>
 #include <map>
 #include <mutex>
+#include <numbers>
 #include <stdexcept>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
 #include "common/files/toml_reader.h"
 #include "offline/certify/driven_motion.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/normal.h"
 #include "offline/studies/spread_names.h"
 
 namespace tumbler {
 namespace in_space {
 namespace {
+
+constexpr std::uint64_t kPushSeed = 0x9b1a615e;  // so that pushes say nothing of the robot
 
 /// A target, and when it is due.
 struct Due {
@@ -69,7 +74,7 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
   const SpaceScene& model = problem.space->scene;
   const RobotVariation variation =
       DrawRobot(model, study.spreads, study.scale, study.seed, static_cast<std::uint64_t>(index));
-  const PlayedRobot<Spatial> played{Varied(model, variation), gains, 0, study.period_s};
+  PlayedRobot<Spatial> played{Varied(model, variation), gains, 0, study.period_s, std::nullopt};
   std::vector<JointMotion<double>::Spline> feed_forward;
   for (const JointMotion<double>& motion : file.primitive.motions())
     feed_forward.push_back(motion.torque);
@@ -79,16 +84,26 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
     trial.purpose.push_back({due.target, std::nullopt});
     last_s = std::max(last_s, due.time_s);
   }
-  // Every target is judged at the last step before its time is over.
+  if (study.push_n > 0) {
+    // Late enough that the robot has settled, and so early that it has time to fall.
+    constexpr double kPushed_s = 0.1, kBefore_s = 0.2, kAfter_s = 0.7;
+    Normal random(study.seed ^ kPushSeed, static_cast<std::uint64_t>(index));
+    const double from_s = last_s + kBefore_s, to_s = last_s + study.hold_s - kAfter_s;
+    const auto [sine, cosine] = portable::SinCos(2 * std::numbers::pi * random.DrawUniform());
+    played.push = RootPush<Spatial>{from_s + (to_s - from_s) * random.DrawUniform(), kPushed_s,
+                                    SpaceVector(cosine, sine, 0) * study.push_n};
+  }
+  // Every target is judged at the last step before its time is over; what was settled is held.
   const auto judge = [&](const DrivenSample& at) {
     for (std::size_t i = 0; i < targets.size(); ++i) {
-      if (at.time_s <= targets[i].time_s + 1e-9)
+      const bool held = study.hold_s > 0 && targets[i].target.when == PurposeTarget::When::kSettled;
+      if (held || at.time_s <= targets[i].time_s + 1e-9)
         trial.purpose[i].result = targets[i].term.Value({at.q, at.qd, {}, at.axes});
     }
     return true;
   };
   trial.finite = PlayThroughDrivesInSpace(problem, x, feed_forward, played,
-                                          last_s + problem.solver.step_s, judge);
+                                          last_s + study.hold_s + problem.solver.step_s, judge);
   if (!trial.finite) {
     for (JudgedTarget& judged : trial.purpose) judged.result.reset();
   }
@@ -100,6 +115,11 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
 
 SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
   in_space::CheckSpreads(study.spreads);
+  if (study.push_n > 0 && !(study.hold_s >= 1)) {
+    throw std::invalid_argument(
+        fmt::format("--push: comes in the hold, which is {} s; allowed: with --hold-s 1 or more",
+                    study.hold_s));
+  }
   const PrimitiveFile file = LoadPrimitive(study.motion);
   const Task task = TaskOf(file, TaskSpaces::kPlaneAndSpace);
   const Problem& problem = task.problem;
@@ -159,10 +179,12 @@ std::string ToText(const SpaceStudyResult& result) {
   const SpaceStudy& study = result.study;
   std::string text = fmt::format(
       "{}: {} as asked\n  through drives of {} N m/rad and {} N m s/rad, setpoints every {:.3g} "
-      "ms, "
-      "spreads x {}, seed {}; no protocol, executor or bus is simulated\n",
+      "ms, spreads x {}, seed {}{}{}; no protocol, executor or bus is simulated\n",
       study.motion, ToText(result.share()), result.gains.kp_nm_per_rad,
-      result.gains.kd_nm_s_per_rad, 1e3 * study.period_s, study.scale, study.seed);
+      result.gains.kd_nm_s_per_rad, 1e3 * study.period_s, study.scale, study.seed,
+      study.hold_s > 0 ? fmt::format(", held for {:.3g} s more", study.hold_s) : "",
+      study.push_n > 0 ? fmt::format(", pushed from any side with {:.3g} N for 0.1 s", study.push_n)
+                       : "");
   for (const auto& [name, count] : result.Missed()) {
     if (count > 0) text += fmt::format("    {} miss {}\n", count, name);
   }
@@ -189,6 +211,8 @@ Json ToJson(const SpaceStudyResult& result) {
           {"scale", result.study.scale},
           {"spreads", spreads},
           {"period_s", result.study.period_s},
+          {"hold_s", result.study.hold_s},
+          {"push_n", result.study.push_n},
           {"kp_nm_per_rad", result.gains.kp_nm_per_rad},
           {"kd_nm_s_per_rad", result.gains.kd_nm_s_per_rad},
           {"missed", missed}};

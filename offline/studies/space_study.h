@@ -21,6 +21,12 @@ struct SpaceStudy {
   std::uint64_t seed = 1;
   double scale = 1;  ///< Multiplies every spread.
   Spreads spreads;
+  /// How long robots are watched after the last target of the task [s]: what it asks for at the end
+  /// of the settle phase they have to keep until then.
+  double hold_s = 0;
+  /// Pushes each robot for 0.1 s at its root, level and from any side, at a random time in the hold
+  /// [N]. Needs a hold of 1 s or more.
+  double push_n = 0;
   /// With which setpoints change [s]. Eight motors share a bus at 400 Hz, twelve at 290 Hz.
   double period_s = 2.5e-3;
   int threads = 1;

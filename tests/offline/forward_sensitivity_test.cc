@@ -350,6 +350,7 @@ TEST(ForwardSensitivity, EveryKindOfTermHasTheAdjointsIntegralAndGradient) {
       constexpr int kPitch = 2;
       problem.cost = {{static_cast<CostTerm::Kind>(k), CostTerm::When::kThroughout, 0.5, kPitch,
                        of_velocity, 0.3}};
+      problem.cost[0].joint_dofs = {3, 4};
       const Outcome forward = Forward(problem, x, kFixed);
       const Outcome adjoint = Adjoint(problem, x, problem.solver.step_s);
       EXPECT_NEAR(forward.result.cost, adjoint.result.cost, 1e-9 * std::abs(adjoint.result.cost))

@@ -84,9 +84,16 @@ Task Shift() {
                    "solo8.urdf", TaskSpaces::kPlaneAndSpace);
 }
 
+WorkSettings Quietly(int threads) {
+  WorkSettings settings;
+  settings.threads = threads;
+  settings.quiet = true;
+  return settings;
+}
+
 /// The motion of that task, found once for all tests.
 const TaskResult& TheResult() {
-  static const TaskResult result = WorkOn(Shift(), {.quiet = true});
+  static const TaskResult result = WorkOn(Shift(), Quietly(1));
   return result;
 }
 
@@ -104,7 +111,7 @@ TEST(SpaceSearch, FindsAMotionThatIsAsAskedByAFinerStep) {
 
 TEST(SpaceSearch, FindsTheSameMotionAgainWithTwoThreads) {
   ASSERT_TRUE(TheResult().file);
-  const TaskResult again = WorkOn(Shift(), {.threads = 2, .quiet = true});
+  const TaskResult again = WorkOn(Shift(), Quietly(2));
   ASSERT_TRUE(again.file);
   EXPECT_EQ(ContentHash(*again.file), ContentHash(*TheResult().file));
 }
@@ -143,7 +150,9 @@ TEST(SpaceStudy, JudgesRobotsByTheTaskAndTheModelIsAsAsked) {
   const testing::TemporaryFolder folder;
   const std::string path = (folder.path() / "shift.toml").string();
   testing::WriteFile(path, ToToml(*TheResult().file));
-  SpaceStudy study{.motion = path, .robots = 3};
+  SpaceStudy study;
+  study.motion = path;
+  study.robots = 3;
   study.spreads.mass = 0;
   study.spreads.LeaveGround();
   const SpaceStudyResult model = RunSpaceStudy(study);
