@@ -272,8 +272,8 @@ Task Parse(const std::string& task_text, const std::string& task_name,
     if (takes == TaskSpaces::kPlane) {
       root.Fail(
           "root",
-          "is \"floating\": a robot in space, which is found and looked at (tumbler optimize, "
-          "tumbler view) but not taken here yet; allowed: planar-xz, fixed, hinge-y");
+          "is \"floating\": a robot in space, whose motions tumbler optimize finds and shows and "
+          "tumbler robustness plays, but not this; allowed here: planar-xz, fixed, hinge-y");
     }
     std::optional<PrimitivePose> pose;
     if (given) pose = *given->pose;
