@@ -10,9 +10,10 @@
 namespace tumbler {
 
 /// The version of the file format that this build writes.
-inline constexpr std::uint32_t kRecordVersion = 4;
+inline constexpr std::uint32_t kRecordVersion = 5;
 /// The oldest version that this build reads. Version 1 has no truth; up to version 2 all numbers of
-/// faults and refusals are floats; up to version 3 there is no sensor.
+/// faults and refusals are floats; up to version 3 there is no sensor; up to version 4 the
+/// configuration of the joints has 8 entries, however many joints there are.
 inline constexpr std::uint32_t kRecordVersionMin = 1;
 
 /// The content of a block of a flight record (docs/formats.md has the bytes).

@@ -52,6 +52,18 @@ const Json& Member(const Json& json, const std::string& key) {
   return *found;
 }
 
+/// An array with an entry for each joint. Records up to version 4 have 8 entries, of which those
+/// beyond the joints say nothing.
+const Json& OfEachJoint(const Json& json, const std::string& key, std::size_t joints) {
+  constexpr std::size_t kAlways = 8;
+  const Json& member = Member(json, key);
+  if (!member.is_array() ||
+      (member.size() != joints && !(member.size() == kAlways && joints < kAlways))) {
+    Fail(key, fmt::format("is not an array of {} entries, one for each joint", joints));
+  }
+  return member;
+}
+
 template <typename T>
 void Take(const Json& json, const std::string& key, T& value) {
   const Json& member = Member(json, key);
@@ -155,17 +167,18 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   json["drives_file"] = configuration.drives_file;
   json["executor"] = ToJson(configuration.executor);
   json["executor"]["joints"] = Json::Array();
-  for (const JointConfig& joint : configuration.executor.joints) {
-    json["executor"]["joints"].Append(ToJson(joint));
-  }
   json["executor"][kLastKnown] = Json::Array();
-  for (const KnownPosition& known : configuration.executor.last_known)
-    json["executor"][kLastKnown].Append(ToJson(known));
+  for (std::size_t i = 0; i < configuration.joints.size(); ++i) {
+    json["executor"]["joints"].Append(ToJson(configuration.executor.joints[i]));
+    json["executor"][kLastKnown].Append(ToJson(configuration.executor.last_known[i]));
+  }
   json["executor"]["reactions"] = ToJson(configuration.executor.reactions);
   const CollapseConfig& collapse = configuration.executor.collapse;
   if (collapse.configured) {
     json["executor"]["collapse"] = ToJson(collapse);
-    json["executor"]["collapse"]["position_rad"] = collapse.position_rad;
+    json["executor"]["collapse"]["position_rad"] = Json::Array();
+    for (std::size_t i = 0; i < configuration.joints.size(); ++i)
+      json["executor"]["collapse"]["position_rad"].Append(collapse.position_rad[i]);
   }
   json["run_sequence"] = ToJson(configuration.procedure);
   json["files"] = Json::Array();
@@ -206,7 +219,8 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   if (configuration.period_ns < 1) Fail("period_ns", "is not above 0");
   TakeTexts(json, "joints", configuration.joints);
   if (configuration.joints.empty() || configuration.joints.size() > kMaxJoints) {
-    Fail("joints", fmt::format("are not 1 ... {}", kMaxJoints));
+    Fail("joints", fmt::format("are {}; this build takes from 1 ... {}",
+                               configuration.joints.size(), kMaxJoints));
   }
   Take(json, "motion_file", configuration.motion_file);
   Take(json, "drives_file", configuration.drives_file);
@@ -214,25 +228,24 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   TakeNumbers(executor, configuration.executor, configuration.lacks);
   if (executor.Find("pause_ticks_max") == nullptr)  // No pause was looked for.
     configuration.executor.pause_ticks_max = std::numeric_limits<int>::max();
-  const Json& joints = Member(executor, "joints");
-  if (!joints.is_array() || joints.size() != kMaxJoints) Fail("joints", "has not 8 entries");
-  for (std::size_t i = 0; i < kMaxJoints; ++i) {
+  const std::size_t count = configuration.joints.size();
+  const Json& joints = OfEachJoint(executor, "joints", count);
+  for (std::size_t i = 0; i < count; ++i) {
     TakeNumbers(joints[i], configuration.executor.joints[i], configuration.lacks);
   }
-  if (const Json* const known = executor.Find(kLastKnown)) {
-    if (!known->is_array() || known->size() != kMaxJoints) Fail(kLastKnown, "has not 8 entries");
-    for (std::size_t i = 0; i < kMaxJoints; ++i)
-      TakeNumbers((*known)[i], configuration.executor.last_known[i], configuration.lacks);
+  if (executor.Find(kLastKnown) != nullptr) {
+    const Json& known = OfEachJoint(executor, kLastKnown, count);
+    for (std::size_t i = 0; i < count; ++i)
+      TakeNumbers(known[i], configuration.executor.last_known[i], configuration.lacks);
   }
   TakeReactions(Member(executor, "reactions"), configuration.executor.reactions,
                 configuration.lacks);
   if (const Json* const poses = executor.Find("collapse")) {
     CollapseConfig& collapse = configuration.executor.collapse;
-    const Json& pose = Member(*poses, "position_rad");
-    if (!pose.is_array() || pose.size() != kMaxJoints) Fail("position_rad", "has not 8 entries");
+    const Json& pose = OfEachJoint(*poses, "position_rad", count);
     collapse.configured = true;
     TakeNumbers(*poses, collapse, configuration.lacks);
-    for (std::size_t i = 0; i < kMaxJoints; ++i) {
+    for (std::size_t i = 0; i < count; ++i) {
       if (!pose[i].is_number()) Fail("position_rad", "has an entry that is not a number");
       collapse.position_rad[i] = static_cast<float>(pose[i].number());
     }

@@ -3,12 +3,14 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstddef>
 #include <cstring>
 #include <fstream>
 #include <string>
 #include <string_view>
 
+#include "common/files/json.h"
 #include "tests/support/recorded_run.h"
 
 namespace tumbler {
@@ -63,14 +65,23 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   EXPECT_EQ(read.drives_file, written.drives_file);
   ASSERT_EQ(read.files.size(), written.files.size());
   EXPECT_EQ(read.files[0].path, written.files[0].path);
-  // But for that array, there are only numbers up to `collapse`, without padding.
+  // But for that array, there are only numbers up to `joints`, without padding.
   const auto same = [&](std::size_t from, std::size_t to) {
     const auto* const a = reinterpret_cast<const char*>(&read.executor);
     const auto* const b = reinterpret_cast<const char*>(&written.executor);
     return std::memcmp(a + from, b + from, to - from) == 0;
   };
   EXPECT_TRUE(same(0, offsetof(ExecutorConfig, last_known)));
-  EXPECT_TRUE(same(offsetof(ExecutorConfig, cycles), offsetof(ExecutorConfig, collapse)));
+  EXPECT_TRUE(same(offsetof(ExecutorConfig, cycles), offsetof(ExecutorConfig, joints)));
+  const auto gains_of = [](const RecordConfiguration& of, std::size_t i) {
+    const JointConfig& joint = of.executor.joints[i];
+    return std::array{joint.kp_nm_per_rad, joint.kd_nm_s_per_rad, joint.damping_nm_s_per_rad,
+                      joint.temperature_max_c};
+  };
+  for (std::size_t i = 0; i < written.joints.size(); ++i)
+    EXPECT_EQ(gains_of(read, i), gains_of(written, i));
+  EXPECT_EQ(std::memcmp(&read.executor.reactions, &written.executor.reactions, sizeof(FaultTable)),
+            0);
   for (std::size_t i = 0; i < kMaxJoints; ++i) {
     EXPECT_EQ(read.executor.last_known[i].known, i == 1);
     EXPECT_EQ(read.executor.last_known[i].position_rad, i == 1 ? -0.1F : 0);
@@ -102,6 +113,47 @@ TEST(RecordConfiguration, SaysWhatRunsDidNotKnowWhenItWasMade) {
   const RecordConfiguration old = ParseConfiguration(json);
   EXPECT_THAT(old.lacks, ::testing::UnorderedElementsAre("get_ups_max", "clear_ticks", "fallen"));
   EXPECT_EQ(old.executor.reactions(Fault::kFallen, ExecutorState::kRunning), Reaction::kIgnore);
+}
+
+TEST(RecordConfiguration, HasAnEntryForEachJointHoweverManyThisBuildHasRoomFor) {
+  RecordConfiguration written = testing::SmallConfiguration();
+  written.executor.collapse.configured = true;
+  const Json json = *Json::Parse(JsonOf(written));
+  const Json& executor = *json.Find("executor");
+  EXPECT_EQ(executor.Find("joints")->size(), 2U);
+  EXPECT_EQ(executor.Find("last_known")->size(), 2U);
+  EXPECT_EQ(executor.Find("collapse")->Find("position_rad")->size(), 2U);
+}
+
+/// The text with as many entries in the arrays of joints, as records up to version 4 had 8.
+std::string WithEntries(const std::string& text, std::size_t count) {
+  Json json = *Json::Parse(text);
+  for (const char* key : {"joints", "last_known"}) {
+    Json& array = json["executor"][key];
+    while (array.size() < count) array.Append(array[array.size() - 1]);
+  }
+  Json& pose = json["executor"]["collapse"]["position_rad"];
+  while (pose.size() < count) pose.Append(0.5);
+  return json.Dump(1);
+}
+
+TEST(RecordConfiguration, OfTheVersionsBeforeHasEightEntriesOfWhichTheJointsCount) {
+  RecordConfiguration written = testing::SmallConfiguration();
+  written.executor.collapse = {true, {0.1F, -2.3F}, 0.7F};
+  written.executor.last_known[1] = {true, -0.1F, 0.7F};
+  const std::string text = JsonOf(written);
+  EXPECT_EQ(JsonOf(ParseConfiguration(WithEntries(text, 8))), text);
+  EXPECT_THAT(WhyRefused(WithEntries(text, 7)),
+              HasSubstr("configuration: joints: is not an array of 2 entries, one for each joint"));
+  EXPECT_THAT(WhyRefused(WithEntries(text, 9)), HasSubstr("joints: is not an array of 2 entries"));
+}
+
+TEST(RecordConfiguration, OfMoreJointsThanThisBuildTakesIsRefusedWithTheirNumber) {
+  Json json = *Json::Parse(JsonOf(testing::SmallConfiguration()));
+  for (int i = 3; i <= kMaxJoints + 1; ++i) json["joints"].Append("joint" + std::to_string(i));
+  EXPECT_EQ(WhyRefused(json.Dump(1)),
+            "configuration: joints: are " + std::to_string(kMaxJoints + 1) +
+                "; this build takes from 1 ... " + std::to_string(kMaxJoints));
 }
 
 TEST(RecordConfiguration, IsRefusedWithTheKeyThatIsWrong) {

@@ -65,6 +65,17 @@ TEST(Replay, OfAnUnchangedRecordIsIdentical) {
   EXPECT_EQ(report.frames_in, 2 * (report.ticks - 1));
 }
 
+TEST(Replay, OfARecordOfVersionFourIsIdentical) {
+  const std::string bytes =
+      testing::ReadFile(testing::SourcePath("tests/data/records/version_4.rec"));
+  FlightRecord record(AsBytes(bytes), "version_4.rec");
+  EXPECT_EQ(record.version(), 4U);
+  const ReplayResult report = Replay(record);
+  EXPECT_TRUE(report.identical());
+  EXPECT_EQ(report.ticks, 238);
+  EXPECT_EQ(report.frames_out, 476);
+}
+
 TEST(Replay, RewritingARecordChangesNothing) {
   EXPECT_EQ(Rewritten(Recorded(), [](auto, auto, auto&) {}), Recorded());
 }
