@@ -22,6 +22,8 @@ foreach(folder ${tumbler_header_folders})
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tumbler COMPONENT development
           FILES_MATCHING PATTERN "*.h")
 endforeach()
+install(FILES ${TUMBLER_MADE_HEADERS}/common/core/capacity.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tumbler/common/core COMPONENT development)
 # Robots and tasks, and the message types for programs that listen to the telemetry.
 install(DIRECTORY primitives DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
 install(DIRECTORY docs/schemas DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)

@@ -19,6 +19,11 @@ target_compile_options(tumbler_options INTERFACE -ffp-contract=off)
 if(NOT TUMBLER_FREESTANDING)
   target_compile_options(tumbler_options INTERFACE -fno-semantic-interposition)
 endif()
+# How many joints a motion may have is a number in a header that is made here, and installed with the others. So all
+# that includes a header of this build has the same one, with whatever flags it is compiled.
+set(TUMBLER_MADE_HEADERS ${PROJECT_BINARY_DIR}/made)
+configure_file(${PROJECT_SOURCE_DIR}/common/core/capacity.h.in ${TUMBLER_MADE_HEADERS}/common/core/capacity.h @ONLY)
+target_include_directories(tumbler_options INTERFACE $<BUILD_INTERFACE:${TUMBLER_MADE_HEADERS}>)
 if(TUMBLER_SANITIZE)
   target_compile_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE}
                          -fno-omit-frame-pointer -fno-sanitize-recover=all)

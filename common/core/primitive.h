@@ -6,13 +6,10 @@
 #include <span>
 
 #include "common/core/bspline.h"
+#include "common/core/capacity.h"
 #include "common/core/fixed_string.h"
 
 namespace tumbler {
-
-/// The most joints that a primitive moves. The real-time side allocates nothing, so every primitive
-/// has room for this many.
-inline constexpr int kMaxJoints = 8;
 
 /// The most control points of one spline. A path of 1.2 s has about 12; the feed-forward may have
 /// more.

@@ -219,7 +219,7 @@ const char* NameOf(RunEnd end) {
   throw std::invalid_argument("a sequence has no end");
 }
 
-std::string GraphText(const SequenceGraph<float>& graph) {
+std::string GraphText(const SequenceGraph<float>& graph, std::size_t joints) {
   std::string out = "  tumbler::SequenceGraph<float> g;\n";
   const auto line = [&out](auto format, const auto&... values) {
     out += fmt::format(fmt::runtime(format), values...);
@@ -241,8 +241,10 @@ std::string GraphText(const SequenceGraph<float>& graph) {
         i, edge.from, edge.to, Exact(edge.settle_s), NameOf(edge.when),
         StringLiteral(edge.branch.view()));
   }
-  for (std::size_t j = 0; j < graph.partner.size(); ++j)
-    line("  g.partner[{}] = {};\n", j, graph.partner[j]);
+  // The rest of the room, of which another build may have more or less, exchanges nothing.
+  line("  for (std::uint8_t j = 0; j < g.partner.size(); ++j) g.partner[j] = j;\n");
+  for (std::size_t j = 0; j < joints; ++j)
+    if (graph.partner[j] != j) line("  g.partner[{}] = {};\n", j, graph.partner[j]);
   line("  g.swap_pitch_rad = {};\n", Exact(graph.swap_pitch_rad));
   line("  g.end = tumbler::RunEnd::{};\n", NameOf(graph.end));
   line("  g.beginning_count = {};\n  g.beginning_within_rad = {};\n", graph.beginning_count,
@@ -273,6 +275,8 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
   }
   const auto sequence = std::make_unique<const Sequence<float>>(ToRuntime(file));
 
+  const std::size_t joints = sequence->primitives[0].motions().size();  // The same in all.
+
   const std::string source = std::filesystem::path(file.path).filename().string();
   std::string out = fmt::format(
       "// Written by tumbler export; do not edit.\n"
@@ -284,12 +288,15 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
   }
   out += fmt::format(
       "#pragma once\n\n"
-      "#include <array>\n#include <string_view>\n\n"
+      "#include <array>\n#include <cstdint>\n#include <string_view>\n\n"
       "#include \"common/core/primitive.h\"\n#include \"common/core/sequence.h\"\n\n"
       "namespace {} {{\n\n"
+      "static_assert(tumbler::kMaxJoints >= {},\n"
+      "              \"this motion has {} joints: give CMake a TUMBLER_MAX_JOINTS of as "
+      "many\");\n\n"
       "inline constexpr std::string_view kSource = {};\n"
       "inline constexpr std::string_view kSourceHash = {};\n\n",
-      name, StringLiteral(source), StringLiteral(HashOfText(source_text)));
+      name, joints, joints, StringLiteral(source), StringLiteral(HashOfText(source_text)));
   out += fmt::format("inline constexpr std::array<tumbler::Primitive<float>, {}> kPrimitives = {{",
                      file.primitives.size());
   for (std::size_t i = 0; i < file.primitives.size(); ++i)
@@ -298,7 +305,7 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
       "}};\n\n"
       "inline constexpr tumbler::SequenceGraph<float> kGraph = [] {{\n{}}}();\n\n"
       "}}  // namespace {}\n",
-      GraphText(sequence->graph), name);
+      GraphText(sequence->graph, joints), name);
   return out;
 }
 

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <utility>
 
+#include "common/core/capacity.h"
 #include "common/core/functions.h"
 #include "offline/model/plane_vector.h"
 
@@ -23,9 +24,9 @@ struct Plane {
   using Vector = PlaneVector;  ///< (x, z)
   using Angular = double;      ///< about -y
 
-  /// The most degrees of freedom of a tree, those of the root included. Matrices have this size, so
-  /// a planar robot keeps it small.
-  static constexpr int kMaxDofs = 12;
+  /// The most degrees of freedom of a tree: the joints that a primitive moves, the root, and one
+  /// joint without a motor. Matrices have this size, so a planar robot keeps it small.
+  static constexpr int kMaxDofs = kMaxJoints + 4;
   static constexpr std::size_t kMotions = 3;  ///< Dimension of the space of motions.
   /// Numbers of free degrees of freedom that are common: those of a root, and of one with two
   /// joints that are driven by torques.

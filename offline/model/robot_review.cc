@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "common/core/index.h"
-#include "common/core/primitive.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/urdf_source.h"
 
@@ -43,8 +42,6 @@ bool AddUnmovable(const Robot& robot, LockedJoints& locked) {
 }
 
 }  // namespace
-
-static_assert(RobotReview::kMostMoved == kMaxJoints);
 
 std::size_t RobotReview::TooMany() const {
   if (!robot) return 0;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/core/capacity.h"
 #include "offline/model/contact_shapes.h"
 #include "offline/model/robot.h"
 
@@ -41,7 +42,7 @@ struct RobotReview {
   [[nodiscard]] std::size_t TooMany() const;
 
   /// The most joints with a motor (kMaxJoints of a primitive).
-  static constexpr std::size_t kMostMoved = 8;
+  static constexpr std::size_t kMostMoved = kMaxJoints;
 };
 
 /// What stands between a robot and a task in space: masses, inertias or limits that are not

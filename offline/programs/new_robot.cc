@@ -288,7 +288,9 @@ bool IsRobotName(const std::string& name) {
              name, [small](char c) { return small(c) || (c >= '0' && c <= '9') || c == '-'; });
 }
 
-int NewRobotRate(int joints) { return joints <= 2 ? 1000 : joints <= 5 ? 500 : 250; }
+int NewRobotRate(int joints) {
+  return joints <= 2 ? 1000 : joints <= 5 ? 500 : joints <= 14 ? 250 : 100;
+}
 
 std::vector<NewFile> NewRobot(const std::string& name, int joints) {
   return {{name + ".urdf", Urdf(name, joints)},

@@ -73,7 +73,7 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kFooter);
   line.Option("NAME", name, "of the robot, and of the folder that is made").Required();
   CommandLineOption arm = line.Option("--joints", joints, "how many motors its arm has");
-  arm.Within(1, 8).ShowDefault();
+  arm.Within(1, kNewRobotJointsMax).ShowDefault();
   CommandLineOption given =
       line.Option("--urdf", urdf, "take the robot of this file instead of an arm of our own");
   given.Excludes(arm);

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "common/core/capacity.h"
 #include "offline/model/contact_law.h"
 #include "offline/scene/packet.h"
 
@@ -11,9 +12,9 @@ namespace tumbler {
 
 /// What all robots of an ensemble share: how many bodies, and which carries which.
 struct LaneModel {
+  static constexpr std::size_t kMaxJoints = tumbler::kMaxJoints;
   /// The root link, and the links that joints move.
-  static constexpr std::size_t kMaxBodies = 10;
-  static constexpr std::size_t kMaxJoints = kMaxBodies - 1;
+  static constexpr std::size_t kMaxBodies = kMaxJoints + 1;
   static constexpr std::size_t kMaxDofs = kMaxJoints + 3;
   static constexpr std::size_t kMaxPoints = 24;
   static constexpr std::size_t kMaxGrounds = 4;

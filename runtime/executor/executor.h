@@ -20,8 +20,8 @@
 
 namespace tumbler {
 
-/// Plays a sequence of primitives, or a single one, on one to eight drives: a pure function of its
-/// inputs, tick by tick.
+/// Plays a sequence of primitives, or a single one, on one to kMaxJoints drives: a pure function of
+/// its inputs, tick by tick.
 ///
 /// There is no clock, bus, heap, exception or log in here. A recorded series of inputs gives the
 /// same frames on every machine.

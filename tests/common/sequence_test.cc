@@ -73,7 +73,7 @@ TEST(NextEdge, AStopEndsAtTheNextSafeNodeWhateverElseIsAskedFor) {
 
 TEST(SequenceGraph, RolesAreExchangedInSwappedNodesOnlyAndTwiceIsBack) {
   const SequenceGraph<float> graph = ExampleGraph();
-  for (int j = 0; j < kMaxJoints; ++j) {
+  for (int j = 0; j < 3; ++j) {
     EXPECT_EQ(graph.RoleOf(0, j), j);
     EXPECT_EQ(graph.RoleOf(1, graph.RoleOf(1, j)), j);
   }

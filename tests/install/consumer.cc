@@ -13,6 +13,7 @@
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "firmware_interface/devices/make_simulated.h"
+#include "firmware_interface/devices/protocols.h"
 #include "offline/certify/certificate.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/rollout.h"
@@ -23,6 +24,17 @@
 namespace {
 
 using namespace tumbler;
+
+static_assert(kMaxJoints == CONSUMER_MAX_JOINTS, "the package and its headers disagree");
+
+/// Whether the library, too, has room for as many joints as its headers say.
+bool LibraryHasRoomForAsManyJoints() {
+  DriveBank bank;
+  for (int i = 0; i < kMaxJoints; ++i) {
+    if (bank.Add(MitProtocol::Example(i)) != Status::kOk) return false;
+  }
+  return bank.Add(MitProtocol::Example(kMaxJoints)) == Status::kCapacityExceeded;
+}
 
 /// The straight path from start to end of every joint. It is not a good motion, but a valid one.
 Solution StraightLine(const Problem& problem, Rollout& rollout) {
@@ -96,6 +108,10 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
+    if (!LibraryHasRoomForAsManyJoints()) {
+      std::fprintf(stderr, "the library has not the room that its headers say\n");
+      return 1;
+    }
     return Use(argv[1], argv[2]) ? 0 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -294,7 +294,7 @@ TEST(ModelCheck, LooksAtARobotOfAnySizeAndSaysHowManyJointsATaskHasToLock) {
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("degrees of freedom: 43\n"));
   EXPECT_THAT(run.out,
-              HasSubstr("it needs 32 more of these 40 joints locked: a task moves up to 8"));
+              HasSubstr("it needs 28 more of these 40 joints locked: a task moves up to 12"));
   const ModelOutcome hybrid = ModelRunner(text)("hybrid", "");
   EXPECT_EQ(hybrid.status, 1);
   EXPECT_THAT(hybrid.err, HasSubstr("evaluated with up to 32: lock some joints (--locked)"));

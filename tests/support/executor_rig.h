@@ -111,8 +111,8 @@ class ExecutorRig {
   Status configured = Status::kInvalidArgument;
   std::vector<std::unique_ptr<ScriptedDrive>> drives;
   std::array<bool, kMaxJoints> silent{};
-  std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< Of each drive in each tick.
-  std::int64_t stamp_ns = 0;                                    ///< Of the replies.
+  std::array<int, kMaxJoints> replies = OneEach();  ///< Of each drive in each tick.
+  std::int64_t stamp_ns = 0;                        ///< Of the replies.
   std::uint32_t foreign_id = 0;  ///< Of a frame of somebody else in each tick; 0: there is none.
   bool follow = true;
   struct {
@@ -124,6 +124,12 @@ class ExecutorRig {
   TickOutput output;
 
  private:
+  static constexpr std::array<int, kMaxJoints> OneEach() {
+    std::array<int, kMaxJoints> each{};
+    for (int& replies_of_one : each) replies_of_one = 1;
+    return each;
+  }
+
   std::unique_ptr<SensorWatch> watch_;
   ExecutorConfig config_;
   SequenceGraph<float> graph_;
