@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/core/capacity.h"
 #include "firmware_interface/can/bus.h"
 #include "firmware_interface/can/can_link.h"
 
@@ -39,8 +41,10 @@ struct SocketCanConfig {
   /// Restarts of an interface are at least this far apart, so that a bus that stays dead is not
   /// restarted at the rate of the loop. In between, the last frames sent may wait.
   static constexpr std::int64_t kRestartPause_ns = 250'000'000;
-  static constexpr int kMaxInFlight = 64;
-  static constexpr int kQueueFramesMax = 32;
+  /// Of as many drives as a motion has joints, at up to two frames each, four ticks.
+  static constexpr int kMaxInFlight = std::max(64, 8 * kMaxJoints);
+  /// A tick of as many drives, at up to four frames each.
+  static constexpr int kQueueFramesMax = std::max(32, 4 * kMaxJoints);
 };
 
 /// Counts since Open.

@@ -291,6 +291,12 @@ int DrivesConfig::HostFramesMax() const {
   return frames;
 }
 
+SimulatedPortConfig DrivesConfig::HostPort() const {
+  SimulatedPortConfig port;
+  port.transmit_capacity = std::max(port.transmit_capacity, HostFramesMax());
+  return port;
+}
+
 std::string DrivesConfig::DescribeSchedule() const {
   std::string text;
   for (const ScheduledFrames& frames : Schedule()) {

@@ -9,6 +9,7 @@
 #include "common/files/key_table.h"
 #include "common/files/toml_reader.h"
 #include "firmware_interface/can/frame.h"
+#include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/devices/drive_bank.h"
 #include "firmware_interface/devices/drive_entry.h"
 #include "firmware_interface/devices/sensor_entry.h"
@@ -52,6 +53,9 @@ struct DrivesConfig {
   [[nodiscard]] std::vector<CanId> HostReceives() const;
   /// The most frames that the host sends in one tick, starting up included.
   [[nodiscard]] int HostFramesMax() const;
+  /// The host on a simulated bus, with the transmit queue of a Linux host: a tick's frames find
+  /// room in it.
+  [[nodiscard]] SimulatedPortConfig HostPort() const;
   /// The schedule in words: `2 setpoints of 8 bytes, 2 replies of 8 bytes`.
   [[nodiscard]] std::string DescribeSchedule() const;
 };

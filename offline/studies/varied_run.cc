@@ -84,7 +84,7 @@ VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation&
   assembly_ = std::make_unique<Assembly>(std::move(parts));
   if (assembly_->Configure(ExecutorConfigOf(play.settings, drives())) != Status::kOk)
     throw Refused(std::string(file.path) + ": the executor does not take this motion");
-  host_ = std::make_unique<LateHost>(robot_->bus().Attach(), variation.delay_s);
+  host_ = std::make_unique<LateHost>(robot_->bus().Attach(drives().HostPort()), variation.delay_s);
   clock_ =
       std::make_unique<PausingClock>([this](std::int64_t time_ns) { robot_->AdvanceTo(time_ns); });
   procedure_ = std::make_unique<RunProcedure>(

@@ -71,7 +71,7 @@ class SimulatedWorld final : public World {
         fixed_(motion.scene().robot.root_dofs == 0),
         hinged_(motion.scene().robot.hinged()),
         judge_(file, motion.scene().robot),
-        host_(robot_.bus().Attach()),
+        host_(robot_.bus().Attach(drives.HostPort())),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
         paced_(config.paced) {

@@ -3,12 +3,24 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware_interface/devices/drive.h"
+
 namespace tumbler {
+namespace {
+
+/// A host whose queue has room for a tick's frames.
+SimulatedPortConfig HostPort(int drives) {
+  SimulatedPortConfig port;
+  port.transmit_capacity = std::max(port.transmit_capacity, FrameBatch::kCapacity * drives);
+  return port;
+}
+
+}  // namespace
 
 DryRunBus::DryRunBus(std::string interface, int bit_rate, std::vector<Node> nodes, std::FILE* out)
     : interface_(std::move(interface)),
       bus_(bit_rate),
-      host_(bus_.Attach()),
+      host_(bus_.Attach(HostPort(static_cast<int>(nodes.size())))),
       nodes_(std::move(nodes)),
       out_(out) {
   for (Node& node : nodes_) node.drive->AttachTo(bus_);

@@ -108,4 +108,14 @@ void CheckWatchdogs(const DrivesConfig& drives, bool may_be_none) {
   }
 }
 
+void CheckQueue(const std::string& interface, const CanLink& link, const DrivesConfig& drives) {
+  const auto count = static_cast<std::int64_t>(drives.drives.size());
+  if (!link.has_queue || link.queue_frames_max >= count) return;
+  throw Refused(
+      fmt::format("{0} has a transmit queue of {1} frames, and a tick sends at least one to each "
+                  "of {2} drives: "
+                  "ip link set {0} txqueuelen {3}",
+                  interface, link.queue_frames_max, count, std::max(10, drives.HostFramesMax())));
+}
+
 }  // namespace tumbler

@@ -6,6 +6,7 @@
 #include "common/core/sequence.h"
 #include "common/files/program.h"
 #include "common/files/sequence_toml.h"
+#include "firmware_interface/can/can_link.h"
 #include "firmware_interface/devices/drives_toml.h"
 
 namespace tumbler {
@@ -29,5 +30,10 @@ void CompareGains(const SequenceFile& motion, const DrivesConfig& drives,
 /// @param may_be_none  whether drives without a watchdog are allowed.
 /// @throws Refused naming the joint.
 void CheckWatchdogs(const DrivesConfig& drives, bool may_be_none);
+
+/// Checks that the transmit queue of an interface has room for a frame to each drive, as every tick
+/// sends one to all of them at once.
+/// @throws Refused  with the command that makes it long enough.
+void CheckQueue(const std::string& interface, const CanLink& link, const DrivesConfig& drives);
 
 }  // namespace tumbler

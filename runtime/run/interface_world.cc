@@ -39,6 +39,7 @@ class RealWorld final : public World {
     if (!problem.empty()) throw Refused(problem);
     SocketCanBus probe;
     OpenInterface(probe, name, drives, {});
+    CheckQueue(name.interface, probe.link(), drives);
     if (probe.link().listen_only) {
       throw Refused(fmt::format(
           "{0} only listens, so that nothing that is sent leaves it: ip link set {0} down; ip link "

@@ -979,9 +979,9 @@ TEST(MitDialects, DamiaosDrivesAreDrivenAndSayWhenTheyDropOut) {
   EXPECT_EQ(bench.output.record.joints[1].drive_error, 0U) << "the drive has forgotten it";
 }
 
-TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
+TEST(ManyDrives, OneToAllAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
   enum class Order { kRepliesAbove, kRepliesBelow, kRepliesReversed, kOwnIdentifier };
-  for (int count = 1; count <= 8; ++count) {
+  for (int count = 1; count <= kMaxJoints; ++count) {
     for (const Order order : {Order::kRepliesAbove, Order::kRepliesBelow, Order::kRepliesReversed,
                               Order::kOwnIdentifier}) {
       std::mt19937 random(5);
@@ -995,7 +995,7 @@ TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
       joints.reserve(static_cast<std::size_t>(count));
       for (int i = 0; i < count; ++i) joints.push_back("joint" + std::to_string(i + 1));
       config.drives = DefaultDrives(joints);
-      config.drives.rate_hz = count <= 2 ? 1000 : 400;
+      config.drives.rate_hz = count <= 2 ? 1000 : count <= 8 ? 400 : 3000 / count;
       config.executor.period_s = static_cast<float>(1 / config.drives.rate_hz);
       for (int i = 0; i < count; ++i) {
         auto& mit = std::get<MitConfig>(config.drives.drives[static_cast<std::size_t>(i)].config);
@@ -1009,6 +1009,7 @@ TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
           mit.reply_id = mit.command_id;
         }
       }
+      config.transmit_capacity = config.drives.HostPort().transmit_capacity;
       FaultBench bench(std::move(config));
       ASSERT_EQ(bench.configured, Status::kOk);
       EXPECT_TRUE(bench.Reach(ExecutorState::kRunning))
@@ -1019,8 +1020,8 @@ TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
   }
 }
 
-TEST(ManyDrives, OneToEightOfAkV3AreArmedAtARateThatTheBusBears) {
-  for (int count = 1; count <= 8; ++count) {
+TEST(ManyDrives, OneToAllOfAkV3AreArmedAtARateThatTheBusBears) {
+  for (int count = 1; count <= kMaxJoints; ++count) {
     std::mt19937 random(5);
     testing::MotionShape shape;
     shape.joint_count = count;
@@ -1028,8 +1029,9 @@ TEST(ManyDrives, OneToEightOfAkV3AreArmedAtARateThatTheBusBears) {
     FaultBench::Config config;
     config.primitives = {testing::RandomPrimitive<float>(shape, random)};
     config.graph = GraphOf(config.primitives[0]);
-    // Five fit at 500 Hz, eight at 350 Hz, with room for an error: docs/protocols/akv3.md.
-    config.drives.rate_hz = count <= 5 ? 500 : 350;
+    // Five fit at 500 Hz, eight at 350 Hz, twelve at 240 Hz, with room for an error:
+    // docs/protocols/akv3.md.
+    config.drives.rate_hz = count <= 5 ? 500 : count <= 8 ? 350 : 2880 / count;
     config.executor.period_s = static_cast<float>(1 / config.drives.rate_hz);
     for (int i = 0; i < count; ++i) {
       DriveEntry entry;
@@ -1047,6 +1049,7 @@ TEST(ManyDrives, OneToEightOfAkV3AreArmedAtARateThatTheBusBears) {
     schedule.longest_frame_bits = config.drives.LongestFrameBits();
     EXPECT_EQ(schedule.tick_bits, 320 * count);
     EXPECT_TRUE(schedule.feasible()) << schedule.Describe();
+    config.transmit_capacity = config.drives.HostPort().transmit_capacity;
     FaultBench bench(std::move(config));
     ASSERT_EQ(bench.configured, Status::kOk);
     EXPECT_TRUE(bench.Reach(ExecutorState::kRunning))
