@@ -21,6 +21,18 @@
 namespace tumbler {
 namespace {
 
+/// The files that a twin file names, as it names them.
+TwinSources SourcesIn(TomlTable& root) {
+  TwinSources files;
+  ReadKeys(root, kTwinFileKeys, files);
+  for (const auto& key : kTwinFileKeys) {
+    const std::string_view name = key.text.name;
+    if (root.Has(name) && root.String(name).empty())
+      root.Fail(name, "is ''; allowed: a file's name; leave the key out where there is none");
+  }
+  return files;
+}
+
 class TwinReader {
  public:
   /// @param folder  with which the paths in the file begin.
@@ -40,8 +52,7 @@ class TwinReader {
 
   SimulatedRobotConfig Read() {
     ReadHeader(root_, kTwinHeader);
-    TwinSources files;
-    ReadKeys(root_, kTwinFileKeys, files);
+    const TwinSources files = SourcesIn(root_);
     if (!files.robot.empty()) TakeRobot((folder_ / files.robot).string());
     TwinConfig& twin = config_.twin;
     ReadKeys(root_, kTwinStepKeys, twin);
@@ -253,8 +264,7 @@ std::vector<KeyTable> TwinKeyTables() {
 TwinSources ReadTwinSources(const std::string& path) {
   TomlTable root = TomlTable::ParseFile(path);
   ReadHeader(root, kTwinHeader);
-  TwinSources files;
-  ReadKeys(root, kTwinFileKeys, files);
+  const TwinSources files = SourcesIn(root);
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   const auto beside = [&folder](const std::string& name) {
     return name.empty() ? name : (folder / name).string();

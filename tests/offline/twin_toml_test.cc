@@ -134,6 +134,8 @@ TEST(TwinToml, AWrongFileIsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
       {"step_s = 0.1\n", "3", "step_s", "0.1", "1e-06 ... 0.001"},
       {"stepp_s = 1e-5\n", "3", "stepp_s", "not a key", "did you mean 'step_s'"},
       {"motion = 3\n", "3", "motion", "3", "string"},
+      {"robot = \"\"\n", "3", "robot", "''", "a file's name"},
+      {"drives = \"\"\n", "3", "drives", "''", "a file's name"},
       {"[motor]\ntorque_max_nm = -1.0\n", "4", "motor.torque_max_nm", "-1", "0.001 ... 10000"},
       {"[motor]\ntorque_max = 1.0\n", "4", "motor.torque_max", "not a key",
        "did you mean 'torque_max_nm'"},
