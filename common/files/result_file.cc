@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <fstream>
 #include <system_error>
+#include <utility>
 
 namespace tumbler {
 namespace {
@@ -125,6 +126,42 @@ void PendingFile::Discard() {
   std::filesystem::remove(temporary_, error);
   // Only folders without a file go.
   for (const std::filesystem::path& folder : made_) std::filesystem::remove(folder, error);
+}
+
+PendingFiles::~PendingFiles() {
+  // The first made the folders, which have to be empty to go.
+  while (!files_.empty()) files_.pop_back();
+}
+
+void PendingFiles::Commit() {
+  std::error_code error;
+  std::vector<std::pair<std::filesystem::path, std::filesystem::path>> kept;  // where it was, is
+  const auto put_back = [&](const PendingFile& last) {
+    for (const PendingFile& file : files_) {
+      if (&file == &last) break;
+      std::filesystem::remove(file.path_, error);
+    }
+    for (const auto& [path, keeps] : kept) {
+      std::filesystem::rename(keeps, path, error);
+      std::filesystem::remove(keeps, error);  // still there where both names were of one file
+    }
+  };
+  for (PendingFile& file : files_) {
+    std::error_code why;
+    if (std::filesystem::is_regular_file(file.path_, error)) {
+      const std::filesystem::path keeps = file.temporary_.string() + ".before";
+      std::filesystem::remove(keeps, error);
+      std::filesystem::create_hard_link(file.path_, keeps, why);
+      if (why) std::filesystem::rename(file.path_, keeps, why);  // a file system without links
+      if (!why) kept.emplace_back(file.path_, keeps);
+    }
+    if (!why) std::filesystem::rename(file.temporary_, file.path_, why);
+    if (!why) continue;
+    put_back(file);
+    FailWrite(file.path_.string(), why.message());
+  }
+  for (PendingFile& file : files_) file.made_.clear();
+  for (const auto& [path, keeps] : kept) std::filesystem::remove(keeps, error);
 }
 
 PendingName::PendingName(const std::string& path) : to_open_(path) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,7 @@ class PendingFile {
   void Commit();
 
  private:
+  friend class PendingFiles;
   void MakeFolders();
   void Discard();
 
@@ -32,6 +34,25 @@ class PendingFile {
   std::filesystem::path temporary_;
   std::vector<std::filesystem::path>
       made_;  // those above the file that were not there, inmost first
+};
+
+/// Files that belong together: all of them appear under their names, or none.
+class PendingFiles {
+ public:
+  PendingFiles() = default;
+  ~PendingFiles();
+  PendingFiles(const PendingFiles&) = delete;
+  PendingFiles& operator=(const PendingFiles&) = delete;
+
+  /// @throws FileError  as PendingFile does.
+  void Add(const std::string& path, const std::string& text) { files_.emplace_back(path, text); }
+  /// Puts all files in place. @throws FileError  when that fails for one of them: files that were
+  /// there are there again as they were, and no other is. (A program that is ended meanwhile leaves
+  /// some of the files, each of them whole.)
+  void Commit();
+
+ private:
+  std::list<PendingFile> files_;
 };
 
 /// The same for a file that something else writes, which opens it by a name. A program that is

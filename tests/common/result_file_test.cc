@@ -6,6 +6,7 @@
 
 #include <array>
 #include <filesystem>
+#include <set>
 #include <string>
 
 #include "tests/support/files.h"
@@ -26,6 +27,34 @@ TEST(ResultFile, ACheckOfAFolderLeavesNothingBehindWheneverTheProgramIsEnded) {
   std::filesystem::create_directory(folder.path() / "seen");
   EXPECT_GT(read(watch, events.data(), events.size()), 0) << "the watch sees nothing";
   close(watch);
+}
+
+TEST(ResultFile, FilesThatBelongTogetherAppearAllOrNone) {
+  const testing::TemporaryFolder folder;
+  const std::string first = folder / "out/first", last = folder / "out/last";
+  const auto write = [&] {
+    PendingFiles files;
+    files.Add(first, "new");
+    files.Add(folder / "out/second", "new");
+    files.Add(last, "new");
+    files.Commit();
+  };
+  std::filesystem::create_directories(last);
+  testing::WriteFile(first, "old");
+  EXPECT_THROW(write(), FileError) << "a folder is in the place of the last";
+  EXPECT_EQ(testing::ReadFile(first), "old");
+  EXPECT_EQ(folder.Listing(), (std::set<std::string>{"out", "out/first", "out/last"}));
+  std::filesystem::remove_all(folder / "out");
+  {
+    PendingFiles files;
+    files.Add(first, "new");
+    files.Add(last, "new");
+  }
+  EXPECT_TRUE(folder.Listing().empty()) << "the folder that was made goes, too";
+  write();
+  EXPECT_EQ(testing::ReadFile(first), "new");
+  EXPECT_EQ(folder.Listing(),
+            (std::set<std::string>{"out", "out/first", "out/last", "out/second"}));
 }
 
 TEST(ResultFile, OneThatIsBeingWrittenIsNotGivenToAnotherWriterAndKeepsWhatIsInIt) {
