@@ -55,6 +55,7 @@ struct LaneRobot {
     S zero_error;       ///< The encoder's reading less the true angle [rad].
     S delay;            ///< From a tick to when its setpoint acts [s], at most a tick's length.
     S velocity_filter;  ///< Time constant with which the drive sees its velocity [s]; 0: at once.
+    S torque_lag;       ///< Time constant of its current loop [s]; 0: none.
   };
   struct Point {
     S x, z, radius;
@@ -86,6 +87,7 @@ struct LaneState {
   std::array<S, LaneModel::kMaxDofs> q;
   std::array<S, LaneModel::kMaxDofs> v;
   std::array<S, LaneModel::kMaxJoints> seen;  ///< Velocities of joints, as their drives see them.
+  std::array<S, LaneModel::kMaxJoints> exerted;  ///< Torques of motors whose current loops lag.
 };
 
 /// The setpoint of one joint for one tick.

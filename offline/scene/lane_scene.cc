@@ -54,6 +54,7 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
                                  1.0,
                                  0.0,
                                  drive.delay_s,
+                                 0.0,
                                  0.0};
   }
 }

@@ -79,6 +79,7 @@ struct LaneProgress {
     for (std::size_t j = 0; j < joints; ++j) {
       torque[j] = lanes(watch.torque[j]);
       state.seen[j] = lanes(from.seen[j]);
+      state.exerted[j] = lanes(from.exerted[j]);
     }
   }
   void Put(LaneState<P>& to, LaneWatch<P>& watch, std::size_t joints, LanesFrom<S> lanes) const {
@@ -91,6 +92,7 @@ struct LaneProgress {
     for (std::size_t j = 0; j < joints; ++j) {
       lanes.Put(torque[j], watch.torque[j]);
       lanes.Put(state.seen[j], to.seen[j]);
+      lanes.Put(state.exerted[j], to.exerted[j]);
     }
   }
 };
@@ -108,15 +110,17 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
   const LaneSetpoint<P>* before = held.data();
-  // Drives of which the law is computed at every step and sees the velocity at once are the rule.
-  // Else: of the backward Euler method between two evaluations; the filter lags by its constant.
-  std::array<S, LaneModel::kMaxJoints> share, exerted;
-  exerted.fill(S(0));
+  // Drives of which the law is computed at every step, sees the velocity at once and is obeyed at
+  // once are the rule. Else: of the backward Euler method between two evaluations; what the filter
+  // and the current loop do lags by their constants.
+  std::array<S, LaneModel::kMaxJoints> share, followed;
   bool plain = steps.law_every == 1;
   for (std::size_t j = 0; j < joints; ++j) {
-    const S between(h_s * steps.law_every), filter = lanes(robot.joints[j].velocity_filter);
+    const S between(h_s * steps.law_every), filter = lanes(robot.joints[j].velocity_filter),
+                                            lag = lanes(robot.joints[j].torque_lag);
     share[j] = between / (filter + between);
-    plain = plain && !Any(S(0) < filter);
+    followed[j] = between / (lag + between);
+    plain = plain && !Any((S(0) < filter) | (S(0) < lag));
   }
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
     const LaneSetpoint<P>* const now = setpoints.data() + k;
@@ -134,9 +138,12 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
           S& seen = robots.state.seen[j];
           const auto filtered = S(0) < lanes(robot.joints[j].velocity_filter);
           seen = Select(filtered, seen + share[j] * (v - seen), v);
-          exerted[j] = law.Exerted(before[j], now[j], since, q, seen);
+          S& exerted = robots.state.exerted[j];
+          const S wanted = law.Exerted(before[j], now[j], since, q, seen);
+          const auto lags = S(0) < lanes(robot.joints[j].torque_lag);
+          exerted = Select(lags, exerted + followed[j] * (wanted - exerted), wanted);
         }
-        tau[j + 3] = law.AtJoint(exerted[j], q, v, robots.torque[j]);
+        tau[j + 3] = law.AtJoint(robots.state.exerted[j], q, v, robots.torque[j]);
       });
       dynamics.Accelerate(robots.state, tau, qdd);
       robots.depth = Max(robots.depth, dynamics.depth());

@@ -35,6 +35,7 @@ constexpr std::array<QuantityFacts, RobotQuantity::kKinds> kFacts = {{
     {Kind::kTorque, "torque_factor", "", true, 0.05},
     {Kind::kLag, "reply_lag", "s", false, 1e-4},
     {Kind::kVelocityLag, "velocity_filter", "s", false, 2e-3},
+    {Kind::kTorqueLag, "torque_lag", "s", false, 5e-4},
 }};
 
 std::size_t DofOfLink(const PlanarRobot& robot, const std::string& link) {
@@ -94,6 +95,7 @@ double ValueIn(const Scene& scene, const RobotQuantity& quantity) {
     case Kind::kSlope:
     case Kind::kLag:
     case Kind::kVelocityLag:
+    case Kind::kTorqueLag:
       return 0;
   }
   return 0;
@@ -262,6 +264,9 @@ RobotVariation VariationOf(const Scene& scene, std::span<const RobotQuantity> qu
         break;
       case Kind::kVelocityLag:
         for (RobotVariation::Joint& each : v.joints) each.velocity_filter_s = std::max(0.0, value);
+        break;
+      case Kind::kTorqueLag:
+        for (RobotVariation::Joint& each : v.joints) each.torque_lag_s = std::max(0.0, value);
         break;
       case Kind::kTorque:
         for (RobotVariation::Joint& each : v.joints) each.torque = value;

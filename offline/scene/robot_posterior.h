@@ -31,8 +31,9 @@ struct RobotQuantity {
     kTorque,       ///< Of all motors: what they exert for each N m that their drives reckon with.
     kLag,          ///< Of all drives: how much later than modelled a reply is sampled [s].
     kVelocityLag,  ///< Of all drives: time constant of their velocity's filter [s].
+    kTorqueLag,    ///< Of all drives: time constant of their current loop [s].
   };
-  static constexpr std::size_t kKinds = 15;
+  static constexpr std::size_t kKinds = 16;
   Kind kind = Kind::kMass;
   std::string of;  ///< The link or joint; empty: of the ground, or of all.
 
@@ -78,8 +79,8 @@ struct RobotPosterior {
 /// @throws std::invalid_argument  when the scene has no such link or joint.
 [[nodiscard]] double CoordinateIn(const Scene& scene, const RobotQuantity& quantity);
 
-/// All quantities that a robot in this scene has, but for those of its drives (kTorque, kLag,
-/// kVelocityLag), with what is known of each before anything was measured: independent of one
+/// All quantities that a robot in this scene has, but for those of its drives (from kTorque on),
+/// with what is known of each before anything was measured: independent of one
 /// another, about the scene's.
 [[nodiscard]] RobotPosterior PriorOf(const Scene& scene);
 

@@ -53,6 +53,7 @@ struct RobotVariation {
     double torque = 1;  ///< Factor of all that the motor exerts, which its drive ignores.
     /// Added to the time constant with which its drive sees the velocity; >= 0.
     double velocity_filter_s = 0;
+    double torque_lag_s = 0;   ///< Added to the time constant of its current loop; >= 0.
     double rotor_inertia = 1;  ///< Factor.
     /// Added to the friction of the joint. Neither becomes negative.
     double viscous_friction_nm_s_per_rad = 0, dry_friction_nm = 0;

@@ -367,6 +367,7 @@ class RobustSearch {
       joint.kd *= variation.joints[j].gain * torque;
       joint.feed_forward = torque;
       joint.velocity_filter = variation.joints[j].velocity_filter_s;
+      joint.torque_lag = variation.joints[j].torque_lag_s;
       joint.delay = std::min(joint.delay + variation.delay_s, kTick_s);
       joint.zero_error = variation.joints[j].zero_rad;
     }

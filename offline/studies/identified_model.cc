@@ -124,6 +124,7 @@ std::string TwinOf(const PosteriorFile& file) {
                             : quantity.kind == Kind::kRotor       ? "rotor_inertia_kg_m2"
                             : quantity.kind == Kind::kTorque      ? "torque_factor"
                             : quantity.kind == Kind::kVelocityLag ? "velocity_filter_s"
+                            : quantity.kind == Kind::kTorqueLag   ? "torque_time_constant_s"
                                                                   : nullptr;
     if (key != nullptr) motors[quantity.of].emplace_back(key, value);
   }

@@ -163,6 +163,7 @@ LaneRobot<double> LaneTrials::RobotOf(const Scene& scene, const RobotVariation& 
     joint.torque_max = drives_[j].torque_max_nm * variation.joints[j].torque_limit * torque;
     joint.feed_forward = torque;
     joint.velocity_filter = variation.joints[j].velocity_filter_s;
+    joint.torque_lag = variation.joints[j].torque_lag_s;
     const double late_s = std::fmod(variation.delay_s, tick_s);
     joint.delay = std::min(drives_[j].delay_s + late_s, tick_s);
     const JointMotor& motor = trials_.robot().motors[j];

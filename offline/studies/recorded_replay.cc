@@ -80,6 +80,7 @@ LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
     joint.torque_max = drive.torque_max_nm * torque;
     joint.feed_forward = torque;
     joint.velocity_filter = variation.joints[j].velocity_filter_s;
+    joint.torque_lag = variation.joints[j].torque_lag_s;
     joint.zero_error = variation.joints[j].zero_rad + drive.encoder_bias_rad;
     joint.delay = std::min(drive.arrival_s + 0.5 * Replaying::kDriveLoop_s, motion_.tick_s);
     sampling.bias_rad.push_back(joint.zero_error + drive.wire_bias_rad);

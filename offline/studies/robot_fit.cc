@@ -70,7 +70,8 @@ class Objective {
             prior.covariance[i * n_ + k] / (deviations_[i] * deviations_[k]);
       }
       const Kind kind = prior.quantities[i].kind;
-      const bool positive = kind == Kind::kDry || kind == Kind::kVelocityLag;
+      const bool positive =
+          kind == Kind::kDry || kind == Kind::kVelocityLag || kind == Kind::kTorqueLag;
       least_.push_back(positive ? -prior.mean[i] / deviations_[i]
                                 : -std::numeric_limits<double>::infinity());
     }
@@ -366,7 +367,8 @@ double FitOutcome::ShareLeft(std::size_t quantity) const {
 
 RobotPosterior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
   RobotPosterior prior = PriorOf(records.front().scene);
-  std::vector<RobotQuantity> more = {{Kind::kLag, ""}, {Kind::kVelocityLag, ""}};
+  std::vector<RobotQuantity> more = {
+      {Kind::kLag, ""}, {Kind::kVelocityLag, ""}, {Kind::kTorqueLag, ""}};
   if (weighed) more.push_back({Kind::kTorque, ""});
   const std::size_t n = prior.size(), m = n + more.size();
   std::vector<double> covariance(m * m, 0.0);

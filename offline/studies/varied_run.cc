@@ -38,6 +38,7 @@ DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>
     motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
     motors[j].torque_factor *= joint.torque;
     motors[j].velocity_filter_s += joint.velocity_filter_s;
+    motors[j].torque_time_constant_s += joint.torque_lag_s;
     DriveEntry& drive = drives.drives[j];
     drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
     drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);

@@ -45,6 +45,7 @@ double TruthOf(const Scene& scene, const testing::HiddenRobot& robot, const Robo
   using Kind = RobotQuantity::Kind;
   if (of.kind == Kind::kTorque) return std::log(robot.torque_factor);
   if (of.kind == Kind::kVelocityLag) return robot.velocity_filter_s;
+  if (of.kind == Kind::kTorqueLag) return robot.torque_lag_s;
   if (of.kind == Kind::kLag) return std::nan("");
   const Scene varied = Varied(scene, robot.variation);
   for (std::size_t j = 0; j < varied.robot.joint_count(); ++j) {

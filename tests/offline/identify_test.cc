@@ -115,6 +115,17 @@ TEST(Identify, AVelocityFilterIsFound) {
   EXPECT_NEAR(MeanOf(fit, Kind::kVelocityLag), 3e-3, 2e-4);
 }
 
+TEST(Identify, ALagOfTheCurrentLoopIsFound) {
+  for (const double lag_s : {0.3e-3, 0.8e-3}) {
+    testing::HiddenRobot robot = testing::DrawHiddenRobot(Excitations().front().scene(), 11, 6);
+    robot.torque_lag_s = lag_s;
+    const std::vector<RecordedMotion> records = RecordsOf(robot);
+    const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), {});
+    EXPECT_FALSE(fit.effective) << fit.chi;
+    EXPECT_NEAR(MeanOf(fit, Kind::kTorqueLag), lag_s, 0.1e-3);
+  }
+}
+
 TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
   std::vector<RecordedMotion> records =
       RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 5));
