@@ -5,12 +5,12 @@
 #include <vector>
 
 #include "common/files/json.h"
+#include "firmware_interface/devices/drives_draft.h"
 #include "runtime/bench/bench_operator.h"
 #include "runtime/bench/bench_session.h"
 #include "runtime/bench/bench_tests.h"
 #include "runtime/bench/bus_scan.h"
 #include "runtime/bench/drive_scales.h"
-#include "runtime/bench/drives_draft.h"
 #include "runtime/bench/findings.h"
 #include "runtime/bench/step_page.h"
 

@@ -1,4 +1,4 @@
-#include "runtime/bench/drives_draft.h"
+#include "firmware_interface/devices/drives_draft.h"
 
 #include <fmt/format.h>
 
