@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <list>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -16,8 +16,10 @@
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "offline/problem/posterior_toml.h"
+#include "offline/problem/simulated_motion.h"
 #include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
+#include "offline/studies/identified_drives.h"
 #include "offline/studies/identified_model.h"
 #include "offline/studies/identify_page.h"
 #include "offline/studies/recorded_motion.h"
@@ -41,7 +43,7 @@ struct IdentifyArguments {
   std::vector<std::string> records, held_out;  // fit
   std::string prior;
   double weight_kg = 0;
-  std::string motion, posterior, drives;  // gate
+  std::string motion, posterior, drives, json;  // gate
   int draws = GateSettings{}.draws;
   ExcitationSettings excitation;
   std::optional<std::uint64_t> seed;
@@ -102,6 +104,39 @@ void CheckOneRobot(const std::vector<RecordedMotion>& records) {
                       "motions whose tasks have one [contact]",
                       record.name, first.name));
     }
+    const std::string difference =
+        DifferenceOf(FactsOf(record.drives), FactsOf(first.drives), true);
+    if (!difference.empty()) {
+      throw std::invalid_argument(
+          fmt::format("{}: was made with other drives than {}: {}; give records of one drives file",
+                      record.name, first.name, difference));
+    }
+  }
+}
+
+/// Checks that no record is there twice, nor one of the prior's: it would count as two.
+void CheckNoneTwice(const std::vector<RecordedMotion>& records, const PosteriorFile* before,
+                    const std::string& before_name) {
+  std::vector<std::string> fingerprints;
+  for (const RecordedMotion& record : records) {
+    const std::string fingerprint = record.Fingerprint();
+    const auto same = std::ranges::find(fingerprints, fingerprint);
+    if (same != fingerprints.end()) {
+      throw std::invalid_argument(fmt::format(
+          "{}: holds the same motion, with the same replies, as {}; what is given twice "
+          "would count as two: give each record once",
+          record.name, records[static_cast<std::size_t>(same - fingerprints.begin())].name));
+    }
+    fingerprints.push_back(fingerprint);
+    if (before == nullptr) continue;
+    const auto fitted = std::ranges::find(before->fingerprints, fingerprint);
+    if (fitted == before->fingerprints.end()) continue;
+    throw std::invalid_argument(fmt::format(
+        "{}: is one of the records of {}, which has it as {}; what is taken into account twice "
+        "would "
+        "count as two: give new records only",
+        record.name, before_name,
+        before->records[static_cast<std::size_t>(fitted - before->fingerprints.begin())]));
   }
 }
 
@@ -154,6 +189,74 @@ void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
   }
 }
 
+/// What an earlier posterior says, for records of these drives.
+PosteriorFile LoadPrior(const IdentifyArguments& arguments, const RecordedMotion& first,
+                        const FitPrior& own) {
+  const std::string& path = arguments.prior;
+  PosteriorFile before = LoadPosterior(path, &first.scene);
+  if (before.effective) {
+    throw FileError(path, 0, "effective",
+                    "is true: what does not explain its records says nothing of the robot; give a "
+                    "posterior of a fit that does, or none");
+  }
+  if (before.information.empty()) {
+    throw FileError(path, 0, "hessian",
+                    "is missing: the file is of an earlier version, whose covariance does not tell "
+                    "how records are to be weighed; fit its records again, together with the new "
+                    "ones");
+  }
+  const bool weighs = arguments.weight_kg > 0;
+  if (weighs && !before.weighed) {
+    throw FileError(path, 0, "weighed",
+                    "is false: its robot was not weighed, and this one is (--weight-kg); give both "
+                    "alike, or fit all records at once");
+  }
+  if (weighs && before.weight_kg > 0 && before.weight_kg != arguments.weight_kg) {
+    throw FileError(path, 0, "weight_kg",
+                    fmt::format("is {}, and --weight-kg is {}; allowed: the same, or leave "
+                                "--weight-kg out, since the posterior has it",
+                                before.weight_kg, arguments.weight_kg));
+  }
+  if (before.posterior.quantities != own.known.quantities)
+    throw FileError(path, 0, "quantity", "are those of another robot than the records'");
+  const PosteriorDrives drives = FactsOf(first.drives);
+  if (!before.drives.of_joint.empty()) {
+    const std::string difference = DifferenceOf(drives, before.drives, false);
+    if (!difference.empty()) {
+      throw FileError(path, 0, "drive",
+                      fmt::format("is of other drives than {}: {}; give records of one drives file",
+                                  first.name, difference));
+    }
+    ShiftZeros(before, drives);
+  }
+  return before;
+}
+
+/// Writes the folder of a model.
+void WriteModel(const IdentifyArguments& arguments, const PosteriorFile& file,
+                const RecordedMotion& first, const std::string& page) {
+  std::string urdf =
+      IdentifiedUrdf(first.robot_text, first.robot_file, first.scene, file.posterior);
+  if (file.effective) {
+    // Nothing may come before the declaration of XML.
+    const std::size_t declared = urdf.starts_with("<?xml") ? urdf.find("?>") : std::string::npos;
+    urdf.insert(declared == std::string::npos ? 0 : declared + 2,
+                "\n<!-- AN EFFECTIVE MODEL: not the robot's quantities. -->\n");
+  }
+  const auto beside = [&](const char* name) { return (fs::path(arguments.out) / name).string(); };
+  PendingFiles files;
+  files.Add(beside("posterior.toml"), ToToml(file));
+  files.Add(beside("robot.urdf"), urdf);
+  files.Add(beside("ground.toml"), GroundOf(file, first.scene.contact));
+  files.Add(beside("drives.toml"),
+            CorrectedDrives(first.drives_text, first.drives_file, first.drives, file));
+  files.Add(beside("twin.toml"), TwinOf(file));
+  files.Add(beside("index.html"), page);
+  files.Commit();
+  fmt::print("  {}: posterior.toml, robot.urdf, ground.toml, drives.toml, twin.toml, index.html\n",
+             arguments.out);
+}
+
 ExitStatus Fit(const IdentifyArguments& arguments) {
   std::atomic<bool>& end = EndOnSignals();
   ReadingSettings reading;
@@ -173,40 +276,30 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   settings.interrupt = &end;
   if (!arguments.quiet)
     settings.say = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
-  const bool weighed = arguments.weight_kg > 0;
-  RobotPosterior prior = PriorOfRecords(records, weighed);
-  std::vector<double> first_deviations;
-  for (std::size_t i = 0; i < prior.size(); ++i) first_deviations.push_back(prior.DeviationOf(i));
-  std::vector<std::string> names;
+  std::optional<PosteriorFile> before;
+  bool weighed = arguments.weight_kg > 0;
   if (!arguments.prior.empty()) {
-    const PosteriorFile before = LoadPosterior(arguments.prior);
-    if (before.effective) {
-      throw FileError(
-          arguments.prior, 0, "effective",
-          "is true: what does not explain its records says nothing of the robot; give a "
-          "posterior of a fit that does, or none");
-    }
-    if (before.posterior.quantities != prior.quantities) {
-      throw FileError(arguments.prior, 0, "quantity",
-                      weighed != before.weighed
-                          ? "are those of a fit with --weight-kg where this one is without, or the "
-                            "other way round; give both alike"
-                          : "are those of another robot than the records'");
-    }
-    prior = before.posterior;
-    first_deviations = before.prior_deviations;
-    names = before.records;
+    // A weight that the posterior has need not be given again.
+    weighed = LoadPosterior(arguments.prior).weighed || weighed;
+    before = LoadPrior(arguments, records.front(), PriorOfRecords(records, weighed));
+  }
+  CheckNoneTwice(all, before ? &*before : nullptr, arguments.prior);
+  FitPrior prior = PriorOfRecords(records, weighed);
+  if (before) {
+    prior.known = before->posterior;
+    prior.earlier = before->information;
+    prior.first_deviations = before->prior_deviations;
+    prior.weighed = before->weighed;
   }
   if (!arguments.out.empty()) CheckFolderWritable(arguments.out);
   for (const RecordedMotion& record : all) PrintReadings(record);
-  FitOutcome fit = FitRobot(records, prior, settings);
+  const FitOutcome fit = FitRobot(records, prior, settings);
   if (fit.interrupted) {
     fmt::print(stderr, "interrupted: no file was written\n");
     return ExitStatus::kInterrupted;
   }
-  fit.first_deviations = first_deviations;
   PrintFit(fit, settings);
-  PrintFarOff(fit.posterior, prior);
+  PrintFarOff(fit.posterior, prior.known);
   std::vector<FitResiduals> predicted;
   if (!held_out.empty()) {
     predicted = ResidualsOf(held_out, fit.posterior, settings.per_tick);
@@ -215,57 +308,81 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   }
   if (!arguments.out.empty()) {
     PosteriorFile file;
+    if (before) {
+      file.records = before->records;
+      file.fingerprints = before->fingerprints;
+      file.weight_kg = before->weight_kg;
+    }
     file.posterior = fit.posterior;
-    file.prior_deviations = first_deviations;
+    file.information = fit.information;
+    file.prior_deviations = fit.first_deviations;
     file.effective = fit.effective;
     file.chi = fit.chi;
     file.chi_max = settings.chi_max;
     file.weighed = weighed;
-    for (const RecordedMotion& record : records)
-      names.push_back(fs::path(record.name).filename().string());
-    file.records = names;
-    const RecordedMotion& first = records.front();
-    std::string urdf =
-        IdentifiedUrdf(first.robot_text, first.robot_file, first.scene, fit.posterior);
-    if (fit.effective) {
-      // Nothing may come before the declaration of XML.
-      const std::size_t declared = urdf.starts_with("<?xml") ? urdf.find("?>") : std::string::npos;
-      urdf.insert(declared == std::string::npos ? 0 : declared + 2,
-                  "\n<!-- AN EFFECTIVE MODEL: not the robot's quantities. -->\n");
+    if (arguments.weight_kg > 0) file.weight_kg = arguments.weight_kg;
+    for (const RecordedMotion& record : records) {
+      file.records.push_back(fs::path(record.name).filename().string());
+      file.fingerprints.push_back(record.Fingerprint());
     }
-    const auto beside = [&](const char* name) { return (fs::path(arguments.out) / name).string(); };
-    fs::create_directories(arguments.out);
-    std::list<PendingFile> files;
-    files.emplace_back(beside("posterior.toml"), ToToml(file));
-    files.emplace_back(beside("robot.urdf"), urdf);
-    files.emplace_back(beside("ground.toml"), GroundOf(file, first.scene.contact));
-    files.emplace_back(beside("twin.toml"), TwinOf(file));
-    files.emplace_back(beside("index.html"), IdentifyPage(fit, settings, predicted));
-    for (PendingFile& pending : files) pending.Commit();
-    fmt::print("  {}: posterior.toml, robot.urdf, ground.toml, twin.toml, index.html\n",
-               arguments.out);
+    file.drives = FactsOf(records.front().drives);
+    WriteModel(arguments, file, records.front(), IdentifyPage(fit, settings, predicted));
   }
   return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
 ExitStatus Gate(const IdentifyArguments& arguments) {
-  const PosteriorFile file = LoadPosterior(arguments.posterior);
+  const Scene scene = SimulatedMotion(LoadMotion(arguments.motion)).scene();
+  const PosteriorFile file = LoadPosterior(arguments.posterior, &scene);
+  CheckResult(arguments.json);
+  CheckDistinct({arguments.motion, arguments.posterior, arguments.drives}, {arguments.json});
   GateSettings settings;
   settings.draws = arguments.draws;
   if (arguments.seed) settings.seed = *arguments.seed;
-  const GateOutcome outcome =
-      PassGate(arguments.motion, arguments.drives, file.posterior, settings);
-  if (file.effective)
-    fmt::print("the posterior is of an effective model, which did not explain its records\n");
+  const GateOutcome outcome = PassGate(arguments.motion, arguments.drives, file, settings);
+  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
+  fmt::print(people, "drives: {}, {:.6g} Hz\n",
+             arguments.drives.empty()
+                 ? "the default ones, with the motion's gains (no --drives was given)"
+                 : arguments.drives,
+             outcome.drives.rate_hz);
+  for (const PosteriorDrive& drive : FactsOf(outcome.drives).of_joint) {
+    fmt::print(people, "  {}: {}, kp {:.6g} N m/rad, kd {:.6g} N m s/rad, zero offset {:.6g} rad\n",
+               drive.joint, drive.protocol, drive.kp_nm_per_rad, drive.kd_nm_s_per_rad,
+               drive.zero_offset_rad);
+  }
+  if (file.drives.of_joint.empty()) {
+    fmt::print(
+        people,
+        "  the posterior does not say with which drives its records were made; give theirs\n");
+  }
+  fmt::print(people,
+             "twin: robot, ground and motors of {}; all else as in tumbler run sim without a twin "
+             "file\n",
+             arguments.posterior);
+  fmt::print(people,
+             "draws: {} robots at {:.3g} standard deviations, with margins of {:.3g} % in torque "
+             "limits, {:.3g} ms in delay\n",
+             settings.draws, settings.deviations, 100 * settings.margins.torque_limit,
+             1e3 * settings.margins.delay_s);
+  if (file.effective) {
+    fmt::print(people,
+               "the posterior is of an effective model, which did not explain its records\n");
+  }
   for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
     const TrialOutcome& robot = outcome.robots[i];
-    fmt::print("{}: {}{}\n",
+    fmt::print(people, "{}: {}{}\n",
                i == 0 ? std::string("the robot that was identified")
                       : fmt::format("a robot at {:.3g} standard deviations", settings.deviations),
                ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
   }
-  fmt::print("{}\n", outcome.open() ? "the gate is open: try the motion on the robot"
-                                    : "the gate is closed: do not try the motion on the robot");
+  fmt::print(people, "{}\n",
+             outcome.open() ? "the gate is open: try the motion on the robot"
+                            : "the gate is closed: do not try the motion on the robot");
+  if (!arguments.json.empty()) {
+    WriteResult(arguments.json, ToJson(outcome, settings, arguments.motion, arguments.drives,
+                                       arguments.posterior, file.effective));
+  }
   return outcome.open() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
@@ -294,7 +411,7 @@ ExitStatus Main(int argc, char** argv) {
   CommandLine fit = line.Subcommand("fit", "Finds the robot that explains flight records");
   fit.Option("RECORD", arguments.records, "Flight records of one robot").Required();
   fit.Option("--out", arguments.out,
-             "Write posterior, URDF, ground, twin and a page into this folder");
+             "Write posterior, URDF, ground, drives, twin and a page into this folder");
   fit.Option("--weight-kg", arguments.weight_kg,
              "The robot's mass, as weighed: tells what the drives' torque is worth")
       .Within(1e-3, 1e4);
@@ -313,11 +430,16 @@ ExitStatus Main(int argc, char** argv) {
   gate.Option("MOTION", arguments.motion, "Primitive or sequence").Required();
   gate.Option("POSTERIOR", arguments.posterior, "posterior.toml of tumbler identify fit")
       .Required();
-  gate.Option("--drives", arguments.drives, "Drives file of the records");
+  gate.Option("--drives", arguments.drives,
+              "Drives file of the run: the records' own, or with corrected zeros; without it, "
+              "default drives with the motion's gains");
   gate.Option("--draws", arguments.draws, "Robots at two standard deviations, beside the mean")
       .Within(0, 1000)
       .ShowDefault();
   gate.Seed(arguments.seed, "Seed of the draws");
+  gate.Option("--json", arguments.json,
+              "Write what was played, with which drives and twin, to this file, or - for standard "
+              "output");
   line.Parse(argc, argv);
   const std::string subcommand = line.given_subcommand();
   if (subcommand == "excite") return Excite(arguments);

@@ -19,23 +19,24 @@ using Kind = RobotQuantity::Kind;
 /// In the order of the kinds. Deviations are those by which robots that were built from one drawing
 /// are commonly off: a scale and a ruler would know masses and centres better, and nobody knows the
 /// ground.
+using Of = QuantityFacts::Of;
 constexpr std::array<QuantityFacts, RobotQuantity::kKinds> kFacts = {{
-    {Kind::kMass, "mass", "kg", true, 0.10},
-    {Kind::kMassCentre, "mass_centre", "m", false, 4e-3},
-    {Kind::kGyration, "gyration", "m^2", true, 0.05},
-    {Kind::kFriction, "friction", "", true, 0.4},
-    {Kind::kStiffness, "stiffness", "N/m", true, 0.4},
-    {Kind::kDamping, "damping", "N s/m", true, 0.4},
-    {Kind::kCreepSpeed, "creep_speed", "m/s", true, 0.2},
-    {Kind::kSlope, "slope", "rad", false, 5e-3},
-    {Kind::kZero, "zero", "rad", false, 5e-3},
-    {Kind::kViscous, "viscous_friction", "N m s/rad", true, 0.5},
-    {Kind::kDry, "dry_friction", "N m", false, 0.04},
-    {Kind::kRotor, "rotor_inertia", "kg m^2", true, 0.1},
-    {Kind::kTorque, "torque_factor", "", true, 0.05},
-    {Kind::kLag, "reply_lag", "s", false, 1e-4},
-    {Kind::kVelocityLag, "velocity_filter", "s", false, 2e-3},
-    {Kind::kTorqueLag, "torque_lag", "s", false, 5e-4},
+    {Kind::kMass, "mass", "kg", true, 0.10, 1e-6, 1e5, Of::kLink},
+    {Kind::kMassCentre, "mass_centre", "m", false, 4e-3, -100, 100, Of::kLink},
+    {Kind::kGyration, "gyration", "m^2", true, 0.05, 1e-9, 1e4, Of::kLink},
+    {Kind::kFriction, "friction", "", true, 0.4, 1e-6, 10, Of::kNothing},
+    {Kind::kStiffness, "stiffness", "N/m", true, 0.4, 1e-3, 1e8, Of::kNothing},
+    {Kind::kDamping, "damping", "N s/m", true, 0.4, 1e-6, 1e6, Of::kNothing},
+    {Kind::kCreepSpeed, "creep_speed", "m/s", true, 0.2, 1e-6, 10, Of::kNothing},
+    {Kind::kSlope, "slope", "rad", false, 5e-3, -1.5, 1.5, Of::kNothing},
+    {Kind::kZero, "zero", "rad", false, 5e-3, -3.2, 3.2, Of::kJoint},
+    {Kind::kViscous, "viscous_friction", "N m s/rad", true, 0.5, 1e-9, 10, Of::kJoint},
+    {Kind::kDry, "dry_friction", "N m", false, 0.04, 0, 5, Of::kJoint},
+    {Kind::kRotor, "rotor_inertia", "kg m^2", true, 0.1, 1e-12, 10, Of::kNothing},
+    {Kind::kTorque, "torque_factor", "", true, 0.05, 0.1, 10, Of::kNothing},
+    {Kind::kLag, "reply_lag", "s", false, 1e-4, -0.1, 0.1, Of::kNothing},
+    {Kind::kVelocityLag, "velocity_filter", "s", false, 2e-3, 0, 0.1, Of::kNothing},
+    {Kind::kTorqueLag, "torque_lag", "s", false, 5e-4, 0, 0.1, Of::kNothing},
 }};
 
 std::size_t DofOfLink(const PlanarRobot& robot, const std::string& link) {
@@ -106,6 +107,11 @@ double ValueIn(const Scene& scene, const RobotQuantity& quantity) {
 const QuantityFacts& FactsOf(RobotQuantity::Kind kind) {
   return kFacts[static_cast<std::size_t>(kind)];
 }
+
+double QuantityFacts::least_coordinate() const {
+  return logarithmic ? portable::Log(least) : least;
+}
+double QuantityFacts::most_coordinate() const { return logarithmic ? portable::Log(most) : most; }
 
 std::string NameOf(const RobotQuantity& quantity) {
   std::string name(FactsOf(quantity.kind).name);

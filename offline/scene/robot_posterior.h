@@ -50,6 +50,14 @@ struct QuantityFacts {
   bool logarithmic;
   /// Of what is known before anything was measured, in coordinates.
   double prior_sd;
+  /// Values that a robot can have. What a twin file or a task takes is not less.
+  double least, most;
+  /// What it is of: a link, a joint, or nothing by a name.
+  enum class Of : std::uint8_t { kNothing, kLink, kJoint } of;
+
+  /// `least` and `most` as coordinates.
+  [[nodiscard]] double least_coordinate() const;
+  [[nodiscard]] double most_coordinate() const;
 };
 [[nodiscard]] const QuantityFacts& FactsOf(RobotQuantity::Kind kind);
 /// "mass of leg1_link"
@@ -71,6 +79,23 @@ struct RobotPosterior {
   /// covariance is L L^T. @throws std::invalid_argument  when it is not positive semidefinite.
   [[nodiscard]] std::vector<double> Draw(double scale, std::uint64_t seed,
                                          std::uint64_t index) const;
+};
+
+/// What records say of a robot, besides where its posterior is: what a fit of further records has
+/// to know to find what one fit of all of them would.
+///
+/// A posterior's covariance is not enough. It is that of estimates, H^-1 S H^-1, and widened: taken
+/// for the inverse of the Hessian H, it weighs the earlier records against the later ones by S.
+struct RobotInformation {
+  /// Where the objective of the earlier fit, as a quadratic function, has its minimum: the mean, if
+  /// nothing had to be positive. In coordinates.
+  std::vector<double> centre;
+  /// Of that objective, half the sum of squared residuals and priors: its Hessian (the information
+  /// of the records and of the first prior), and the covariance of its gradient, row by row.
+  std::vector<double> hessian, gradient_covariance;
+
+  [[nodiscard]] bool empty() const { return centre.empty(); }
+  bool operator==(const RobotInformation&) const = default;
 };
 
 /// The value of a coordinate.

@@ -1,10 +1,35 @@
 #include "offline/studies/gate.h"
 
-#include <algorithm>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <stdexcept>
+
+#include "common/files/json.h"
 #include "common/files/program.h"
+#include "offline/studies/identified_drives.h"
 
 namespace tumbler {
+namespace {
+
+/// Lets a robot differ in what no record tells.
+void AddMargins(const Scene& scene, const GateSettings& settings, int index,
+                RobotVariation& robot) {
+  Spreads spreads;
+  spreads.mass = 0;
+  spreads.LeaveGround();
+  spreads.torque_limit = settings.margins.torque_limit;
+  spreads.delay_s = settings.margins.delay_s;
+  constexpr std::uint64_t kOtherSeed = 0x9e3779b9;  // numbers that are not those of the posterior
+  const RobotVariation other =
+      DrawRobot(scene, spreads, settings.deviations, settings.seed ^ kOtherSeed,
+                static_cast<std::uint64_t>(index));
+  for (std::size_t j = 0; j < robot.joints.size(); ++j)
+    robot.joints[j].torque_limit = other.joints[j].torque_limit;
+  robot.delay_s = other.delay_s;
+}
+
+}  // namespace
 
 bool GateOutcome::open() const {
   return !robots.empty() &&
@@ -12,7 +37,7 @@ bool GateOutcome::open() const {
 }
 
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
-                     const RobotPosterior& posterior, const GateSettings& settings) {
+                     const PosteriorFile& posterior, const GateSettings& settings) {
   if (LoadMotion(motion).graph.edge_count > 0)
     throw Refused(motion + ": goes on for ever; the gate takes motions that end, one by one");
   RobustnessStudy study;
@@ -20,14 +45,70 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
   study.drives = drives;
   Trials trials(study);
   GateOutcome outcome;
+  outcome.drives = trials.drives();
+  PosteriorFile known = posterior;
+  if (!known.drives.of_joint.empty()) {
+    const PosteriorDrives played = FactsOf(outcome.drives);
+    const std::string difference = DifferenceOf(played, known.drives, false);
+    if (!difference.empty()) {
+      throw std::invalid_argument(fmt::format(
+          "{}: {} and those with which the records of the posterior were made differ: {}; {}",
+          drives.empty() ? motion : drives,
+          drives.empty() ? "the default drives with this motion's gains" : "its drives", difference,
+          drives.empty() ? "name their drives file (--drives)"
+                         : "give those of the records, or record the robot with these"));
+    }
+    ShiftZeros(known, played);
+  }
   for (int i = 0; i <= settings.draws; ++i) {
+    const RobotPosterior& robots = known.posterior;
     const std::vector<double> coordinates =
-        i == 0 ? posterior.mean
-               : posterior.Draw(settings.deviations, settings.seed, static_cast<std::uint64_t>(i));
-    RobotVariation robot = VariationOf(trials.scene(), posterior.quantities, coordinates);
+        i == 0 ? robots.mean
+               : robots.Draw(settings.deviations, settings.seed, static_cast<std::uint64_t>(i));
+    RobotVariation robot = VariationOf(trials.scene(), robots.quantities, coordinates);
+    if (i > 0) AddMargins(trials.scene(), settings, i, robot);
     outcome.robots.push_back(trials.Play(robot));
   }
   return outcome;
+}
+
+std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
+                   const std::string& motion, const std::string& drives,
+                   const std::string& posterior, bool effective) {
+  auto robots = Json::Array();
+  for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
+    const TrialOutcome& robot = outcome.robots[i];
+    robots.Append({{"deviations", i == 0 ? 0.0 : settings.deviations},
+                   {"verdict", ToString(robot.verdict)},
+                   {"reason", robot.reason}});
+  }
+  const PosteriorDrives facts = FactsOf(outcome.drives);
+  auto of_joint = Json::Array();
+  for (const PosteriorDrive& drive : facts.of_joint) {
+    of_joint.Append({{"joint", drive.joint},
+                     {"protocol", drive.protocol},
+                     {"kp_nm_per_rad", drive.kp_nm_per_rad},
+                     {"kd_nm_s_per_rad", drive.kd_nm_s_per_rad},
+                     {"zero_offset_rad", drive.zero_offset_rad}});
+  }
+  const Json json = {
+      {"motion", motion},
+      {"posterior", posterior},
+      {"effective", effective},
+      {"open", outcome.open()},
+      {"draws", settings.draws},
+      {"seed", settings.seed},
+      {"margins",
+       {{"torque_limit", settings.margins.torque_limit}, {"delay_s", settings.margins.delay_s}}},
+      {"drives",
+       {{"file", drives},
+        {"default", drives.empty()},
+        {"rate_hz", facts.rate_hz},
+        {"of_joint", of_joint}}},
+      {"twin", {{"file", ""}, {"default", true}}},
+      {"robots", robots},
+  };
+  return json.Dump(2) + "\n";
 }
 
 }  // namespace tumbler

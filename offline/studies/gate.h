@@ -1,23 +1,33 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "offline/problem/posterior_toml.h"
+#include "offline/scene/variation.h"
 #include "offline/studies/trial.h"
 
 namespace tumbler {
+
+/// By how much robots may differ in what no record tells: standard deviations.
+struct GateMargins {
+  double torque_limit = 0.02;  ///< Factor of each motor's.
+  double delay_s = 1e-4;       ///< Of what setpoints are late by.
+};
 
 /// Settings of a gate.
 struct GateSettings {
   int draws = 3;          ///< Robots beside the mean.
   double deviations = 2;  ///< By so many are they drawn.
   std::uint64_t seed = 1;
+  GateMargins margins;
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.
 struct GateOutcome {
   std::vector<TrialOutcome> robots;
+  DrivesConfig drives;  ///< With which they were played.
   /// Whether all of them are as asked. Only then is the motion to be tried on the robot.
   [[nodiscard]] bool open() const;
 };
@@ -25,10 +35,17 @@ struct GateOutcome {
 /// Plays a motion in the twin of the robot that was identified, and of robots that it may be. Each
 /// is played through the executor, simulated drives and the twin.
 /// @param motion  primitive or sequence, of whatever model of the robot.
-/// @param drives  those of the records; empty: the default ones, as in tumbler run.
-/// @throws FileError, Refused, std::runtime_error  as tumbler run sim does;
-///         std::invalid_argument  when the motion's robot lacks a link or joint of the posterior.
+/// @param drives  those of the run; empty: the default ones, as in tumbler run. Their zeros may
+///                differ from those of the records.
+/// @throws FileError, Refused, std::runtime_error  as tumbler run sim does; std::invalid_argument
+///         when the drives are others than those of the records, or the motion's robot lacks a link
+///         or joint of the posterior.
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
-                     const RobotPosterior& posterior, const GateSettings& settings);
+                     const PosteriorFile& posterior, const GateSettings& settings);
+
+/// What became of them as JSON.
+std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
+                   const std::string& motion, const std::string& drives,
+                   const std::string& posterior, bool effective);
 
 }  // namespace tumbler

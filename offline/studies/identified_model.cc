@@ -56,8 +56,7 @@ std::string IdentifiedUrdf(const std::string& robot_text, const std::string& rob
   const std::size_t first = Index(scene.robot.first_body());
   for (std::size_t i = 0; i < robot.links.size(); ++i) {
     const RobotVariation::Link& link = robot.links[i];
-    links.push_back(
-        {scene.robot.body_names[first + i], link.mass, link.inertia, link.mass_centre_m});
+    links.push_back({scene.robot.body_names[first + i], link.mass, link.inertia, link.mass_centre_m});
   }
   return WithInertias(robot_text, robot_name, links);
 }
@@ -104,9 +103,9 @@ std::string TwinOf(const PosteriorFile& file) {
     const Kind kind = posterior.quantities[i].kind;
     if (kind == Kind::kZero) {
       writer.Line(
-          fmt::format("# The encoder of {} reads {:.3g} rad more than the true angle: add "
-                      "{:.6g} to its zero_offset_rad.",
-                      posterior.quantities[i].of, posterior.mean[i], -posterior.mean[i]));
+          fmt::format("# The encoder of {} read {:.3g} rad more than the true angle; drives.toml "
+                      "has its zero corrected.",
+                      posterior.quantities[i].of, posterior.mean[i]));
     } else if (kind == Kind::kSlope) {
       writer.Line(fmt::format("# The ground slopes by {:.3g} rad, which a twin file cannot say.",
                               posterior.mean[i]));
@@ -114,6 +113,7 @@ std::string TwinOf(const PosteriorFile& file) {
   }
   writer.Line("format = \"tumbler-twin\"");
   writer.Line("version = 1");
+  writer.Text("drives", "drives.toml");
   writer.Text("robot", "robot.urdf");
   std::map<std::string, std::vector<std::pair<const char*, double>>> motors;
   for (std::size_t i = 0; i < posterior.size(); ++i) {

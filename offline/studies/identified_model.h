@@ -30,7 +30,8 @@ struct TuningSettings {
 /// @pre the task has `[robust]`.
 void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task);
 
-/// The robot that was identified as a twin file, with its URDF beside it, robot.urdf.
+/// The robot that was identified as a twin file, with its URDF and drives beside it,
+/// robot.urdf and drives.toml.
 std::string TwinOf(const PosteriorFile& file);
 
 /// The ground that was identified, as a task's `[contact]`.

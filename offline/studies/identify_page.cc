@@ -120,7 +120,7 @@ std::string IdentifyPage(const FitOutcome& fit, const FitSettings& settings,
   }
   page +=
       "</table></div>\n<p class=\"dim\">Not estimated: lengths, the height of each centre of mass "
-      "above its link's axis, the lag of torque, limits of torque and speed.</p>\n";
+      "above its link's axis, the limits of torque and speed.</p>\n";
   page +=
       "<h2>What goes together</h2>\n<p class=\"dim\">The largest correlations: what a record tells "
       "only of both.</p>\n";

@@ -11,6 +11,7 @@
 #include <utility>
 #include <variant>
 
+#include "common/files/primitive_hash.h"
 #include "common/files/sequence_toml.h"
 #include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/devices/mit.h"
@@ -24,6 +25,9 @@ namespace tumbler {
 namespace {
 
 constexpr double kUnanswered = std::numeric_limits<double>::quiet_NaN();
+
+/// A motion of which less was recorded tells nothing.
+constexpr double kLeast_s = 0.2;
 
 double Seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
@@ -113,6 +117,8 @@ class Reader {
     result.task_text = first.provenance.task_toml;
     result.task_file = first.provenance.task_file;
     result.drives = parts.drives;
+    result.drives_file = configuration.drives_file;
+    if (!result.drives_file.empty()) result.drives_text = read(result.drives_file);
     result.tick_s = Seconds(configuration.period_ns);
     for (std::size_t j = 0; j < configuration.joints.size(); ++j) {
       result.joints.push_back(
@@ -225,7 +231,6 @@ class Reader {
       result.remarks.push_back(fmt::format(
           "is cut in the motion; used are the {:.3g} s of it that are there", length_s));
     }
-    constexpr double kLeast_s = 0.2;
     if (length_s < kLeast_s) {
       Fail(fmt::format("only {:.3g} s of its motion can be used ({}); needed are {:.3g} s",
                        length_s, cut != nullptr ? cut : "the record ends", kLeast_s));
@@ -311,6 +316,19 @@ class Reader {
 };
 
 }  // namespace
+
+std::string RecordedMotion::Fingerprint() const {
+  std::string text;
+  const auto end =
+      std::min(ticks.size(), begins + static_cast<std::size_t>(std::lround(kLeast_s / tick_s)));
+  for (std::size_t k = begins; k < end; ++k) {
+    for (const RecordedJoint& joint : ticks[k]) {
+      text += fmt::format("{} {} {} {}\n", joint.setpoint.position, joint.setpoint.velocity,
+                          joint.setpoint.third, joint.reading_rad);
+    }
+  }
+  return HashOfText(text);
+}
 
 RecordedMotion ReadRecordedMotion(const std::string& path, const ReadingSettings& settings) {
   return Reader(path, settings).Read();

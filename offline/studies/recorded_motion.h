@@ -40,6 +40,7 @@ struct RecordedMotion {
   /// The texts that the motion was made from, and the names of their files.
   std::string robot_text, robot_file, task_text, task_file;
   DrivesConfig drives;
+  std::string drives_text, drives_file;  ///< Empty: DefaultDrives.
   double tick_s = 1e-3;
   std::vector<RecordedDrive> joints;
   /// By tick and joint, from the beginning of the hold on: hold, motion, settling.
@@ -51,6 +52,10 @@ struct RecordedMotion {
   std::vector<std::string> remarks;  ///< In words: what of the record was not used, and why.
 
   [[nodiscard]] std::size_t joint_count() const { return joints.size(); }
+  /// Of what the record says of the robot: setpoints and replies of the first 0.2 s of its motion,
+  /// in which two runs never are the same bit by bit. So a record under another name, or a part of
+  /// one, is known again.
+  [[nodiscard]] std::string Fingerprint() const;
 };
 
 /// Settings of the reading.

@@ -26,7 +26,7 @@ constexpr double kDifference = 0.01;
 /// Of the sandwich: as long as a bump of residuals.
 constexpr double kBlock_s = 0.05;
 /// An iteration that gains less than this part of the objective is the last of its noise.
-constexpr double kGain = 1e-3;
+constexpr double kGain = 1e-4;
 
 Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
@@ -55,43 +55,41 @@ double WideningOf(Kind kind) {
   }
 }
 
-/// The objective of a fit: half the sum of squares of the residuals, and w^T P w / 2 of how far a
-/// robot is from the prior, in deviations w; P is the inverse of their correlations.
+/// The objective of a fit: half the sum of squares of the residuals, and
+/// (w - c)^T P (w - c) / 2 of how far a robot is from what was known before. A robot is that of the
+/// prior's mean and w, in deviations of what was known before the first record.
 class Objective {
  public:
-  Objective(std::span<const RecordedMotion> records, const RobotPosterior& prior,
+  Objective(std::span<const RecordedMotion> records, const FitPrior& prior,
             const FitSettings& settings)
-      : prior_(prior), settings_(settings), n_(prior.size()) {
-    MatrixXd correlations(ToIndex(n_), ToIndex(n_));
-    for (std::size_t i = 0; i < n_; ++i) deviations_.push_back(prior.DeviationOf(i));
+      : prior_(prior.known), settings_(settings), n_(prior_.size()) {
     for (std::size_t i = 0; i < n_; ++i) {
-      for (std::size_t k = 0; k < n_; ++k) {
-        correlations(ToIndex(i), ToIndex(k)) =
-            prior.covariance[i * n_ + k] / (deviations_[i] * deviations_[k]);
-      }
-      const Kind kind = prior.quantities[i].kind;
+      const Kind kind = prior_.quantities[i].kind;
       const bool positive =
           kind == Kind::kDry || kind == Kind::kVelocityLag || kind == Kind::kTorqueLag;
-      least_.push_back(positive ? -prior.mean[i] / deviations_[i]
+      deviations_.push_back(prior.first_deviations.empty() ? prior_.DeviationOf(i)
+                                                           : prior.first_deviations[i]);
+      least_.push_back(positive ? -prior_.mean[i] / deviations_[i]
                                 : -std::numeric_limits<double>::infinity());
     }
-    constexpr double kRounding = 1e-9;
-    correlations.diagonal().array() += kRounding;
-    precision_ = correlations.ldlt().solve(MatrixXd::Identity(ToIndex(n_), ToIndex(n_)));
+    SetPrior(prior.earlier);
     for (const RecordedMotion& record : records) {
-      replays_.push_back(std::make_unique<RecordedReplay>(record, prior.quantities));
+      replays_.push_back(std::make_unique<RecordedReplay>(record, prior_.quantities));
       rows_ += replays_.back()->count();
     }
-    if (settings.weight_kg > 0) {
+    if (settings.weight_kg > 0 && !prior.weighed) {
       ++rows_;
       for (std::size_t i = 0; i < n_; ++i)
-        if (prior.quantities[i].kind == Kind::kMass) masses_.push_back(i);
+        if (prior_.quantities[i].kind == Kind::kMass) masses_.push_back(i);
     }
   }
 
   [[nodiscard]] std::size_t size() const { return n_; }
   [[nodiscard]] int evaluations() const { return evaluations_; }
   [[nodiscard]] const MatrixXd& precision() const { return precision_; }
+  /// Of the gradient of what was known before.
+  [[nodiscard]] const MatrixXd& gradient_covariance() const { return gradient_covariance_; }
+  [[nodiscard]] VectorXd PullOf(const VectorXd& w) const { return precision_ * (w - centre_); }
   [[nodiscard]] const std::vector<double>& deviations() const { return deviations_; }
   [[nodiscard]] const std::vector<std::unique_ptr<RecordedReplay>>& replays() const {
     return replays_;
@@ -108,7 +106,7 @@ class Objective {
     return w;
   }
   [[nodiscard]] double ValueOf(const VectorXd& residuals, const VectorXd& w, double noise) const {
-    return 0.5 * (residuals.squaredNorm() / (noise * noise) + w.dot(precision_ * w));
+    return 0.5 * (residuals.squaredNorm() / (noise * noise) + (w - centre_).dot(PullOf(w)));
   }
 
   /// The step that minimises s^T A s / 2 + g^T s, where no friction and no filter gets negative:
@@ -176,11 +174,37 @@ class Objective {
   }
 
  private:
+  void SetPrior(const RobotInformation& earlier) {
+    const Eigen::Index n = ToIndex(n_);
+    centre_ = VectorXd::Zero(n);
+    const Eigen::Map<const VectorXd> scale(deviations_.data(), n);
+    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const auto scaled = [&](const std::vector<double>& matrix) -> MatrixXd {
+      return scale.asDiagonal() * Eigen::Map<const Rows>(matrix.data(), n, n) * scale.asDiagonal();
+    };
+    if (!earlier.empty()) {
+      for (std::size_t i = 0; i < n_; ++i)
+        centre_[ToIndex(i)] = (earlier.centre[i] - prior_.mean[i]) / deviations_[i];
+      precision_ = scaled(earlier.hessian);
+      gradient_covariance_ = scaled(earlier.gradient_covariance);
+      return;
+    }
+    const VectorXd inverse = scale.cwiseInverse();
+    MatrixXd correlations = inverse.asDiagonal() *
+                            Eigen::Map<const Rows>(prior_.covariance.data(), n, n) *
+                            inverse.asDiagonal();
+    constexpr double kRounding = 1e-9;
+    correlations.diagonal().array() += kRounding;
+    precision_ = correlations.ldlt().solve(MatrixXd::Identity(n, n));
+    gradient_covariance_ = precision_;
+  }
+
   const RobotPosterior& prior_;
   const FitSettings& settings_;
   std::size_t n_, rows_ = 0;
   std::vector<double> deviations_, least_;
-  MatrixXd precision_;
+  VectorXd centre_;
+  MatrixXd precision_, gradient_covariance_;
   std::vector<std::size_t> masses_;
   std::vector<std::unique_ptr<RecordedReplay>> replays_;
   int evaluations_ = 0;
@@ -221,7 +245,7 @@ class Fitter {
     }
     const double weight = 1 / (noise * noise);
     const MatrixXd H = weight * J.transpose() * J + objective_.precision();
-    const VectorXd gradient = weight * J.transpose() * found.residuals + objective_.precision() * u;
+    const VectorXd gradient = weight * J.transpose() * found.residuals + objective_.PullOf(u);
     std::vector<VectorXd> candidates;
     for (const double damping : {0.0, 1e-2, 0.1, 1.0, 10.0, 100.0}) {
       MatrixXd A = H;
@@ -316,17 +340,22 @@ double ChiOf(const std::vector<FitResiduals>& records) {
 void Refine(Objective& objective, const MatrixXd& J, const FitSettings& settings, Found& found) {
   const VectorXd fine = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
   const MatrixXd A = J.transpose() * J + objective.precision();
-  const VectorXd gradient = J.transpose() * fine + objective.precision() * found.u;
+  const VectorXd gradient = J.transpose() * fine + objective.PullOf(found.u);
   found.u += objective.StepOf(A, gradient, found.u);
   found.residuals = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
 }
 
-/// The covariance of the variables about a solution.
+/// The objective about a solution, as a quadratic function.
+struct About {
+  MatrixXd hessian, gradient_covariance;
+  VectorXd centre;  ///< Its minimum, which the bounds may not allow.
+};
+
 /// @param J  derivatives there.
-MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found) {
-  const Eigen::Index n = J.cols();
-  const MatrixXd A = J.transpose() * J + objective.precision();
-  MatrixXd meat = objective.precision();
+About LookAbout(Objective& objective, const MatrixXd& J, const Found& found) {
+  About about;
+  about.hessian = J.transpose() * J + objective.precision();
+  about.gradient_covariance = objective.gradient_covariance();
   Eigen::Index row = 0;
   for (const auto& replay : objective.replays()) {
     const RecordedMotion& motion = replay->motion();
@@ -337,13 +366,21 @@ MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found) {
       const Eigen::Index length = std::min(block, rows - at);
       const VectorXd score =
           J.middleRows(row + at, length).transpose() * found.residuals.segment(row + at, length);
-      meat += score * score.transpose();
+      about.gradient_covariance += score * score.transpose();
     }
     row += rows;
   }
-  for (; row < J.rows(); ++row) meat += J.row(row).transpose() * J.row(row);
-  const auto solve = A.ldlt();
-  const MatrixXd half = solve.solve(meat);
+  for (; row < J.rows(); ++row) about.gradient_covariance += J.row(row).transpose() * J.row(row);
+  const VectorXd gradient = J.transpose() * found.residuals + objective.PullOf(found.u);
+  about.centre = found.u - about.hessian.ldlt().solve(gradient);
+  return about;
+}
+
+/// The covariance of estimates about a solution.
+MatrixXd Sandwich(const About& about) {
+  const Eigen::Index n = about.hessian.cols();
+  const auto solve = about.hessian.ldlt();
+  const MatrixXd half = solve.solve(about.gradient_covariance);
   const MatrixXd sandwich = solve.solve(half.transpose());
   const MatrixXd plain = solve.solve(MatrixXd::Identity(n, n));
   // No residual says less than its own noise.
@@ -357,15 +394,31 @@ MatrixXd Sandwich(Objective& objective, const MatrixXd& J, const Found& found) {
   return 0.5 * (covariance + covariance.transpose());
 }
 
+RobotInformation InformationOf(const Objective& objective, const About& about) {
+  RobotInformation information;
+  information.centre = objective.CoordinatesOf(about.centre);
+  const std::vector<double>& deviations = objective.deviations();
+  const std::size_t n = deviations.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < n; ++k) {
+      // The lower triangles, so that what is written is symmetric bit by bit.
+      const Eigen::Index row = ToIndex(std::max(i, k)), column = ToIndex(std::min(i, k));
+      const double scale = 1 / (deviations[i] * deviations[k]);
+      information.hessian.push_back(about.hessian(row, column) * scale);
+      information.gradient_covariance.push_back(about.gradient_covariance(row, column) * scale);
+    }
+  }
+  return information;
+}
+
 }  // namespace
 
 double FitOutcome::ShareLeft(std::size_t quantity) const {
-  const double before =
-      first_deviations.empty() ? prior.DeviationOf(quantity) : first_deviations[quantity];
+  const double before = first_deviations[quantity];
   return before > 0 ? posterior.DeviationOf(quantity) / before : 1;
 }
 
-RobotPosterior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
+FitPrior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
   RobotPosterior prior = PriorOf(records.front().scene);
   std::vector<RobotQuantity> more = {
       {Kind::kLag, ""}, {Kind::kVelocityLag, ""}, {Kind::kTorqueLag, ""}};
@@ -380,46 +433,54 @@ RobotPosterior PriorOfRecords(std::span<const RecordedMotion> records, bool weig
     prior.mean.push_back(0);
   }
   prior.covariance = std::move(covariance);
-  return prior;
+  return {std::move(prior), {}, {}};
 }
 
-FitOutcome FitRobot(std::span<const RecordedMotion> records, const RobotPosterior& prior,
+FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& prior,
                     const FitSettings& settings) {
   if (records.empty()) throw std::invalid_argument("a fit needs a record");
   FitOutcome outcome;
-  outcome.prior = prior;
-  outcome.weighed = settings.weight_kg > 0;
+  outcome.prior = prior.known;
+  outcome.weighed = settings.weight_kg > 0 || prior.weighed;
   Objective objective(records, prior, settings);
   Fitter fitter(objective, settings);
   Found best;
   for (int start = 0; start < settings.starts && !fitter.Interrupted(); ++start) {
-    VectorXd u = VectorXd::Zero(ToIndex(prior.size()));
+    VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
     Normal normal(1, static_cast<std::uint64_t>(start));
-    if (start > 0)
-      for (Eigen::Index i = 0; i < u.size(); ++i) u[i] = normal.Draw();
+    for (std::size_t i = 0; start > 0 && i < prior.known.size(); ++i)
+      u[ToIndex(i)] = normal.Draw() * prior.known.DeviationOf(i) / objective.deviations()[i];
     const Found found = fitter.From(objective.Allowed(u));
     ++outcome.starts;
     if (found.value < best.value || best.u.size() == 0) best = found;
     if (ChiOf(Split(objective, best.residuals)) <= settings.chi_max) break;
   }
   outcome.interrupted = fitter.Interrupted();
+  outcome.first_deviations = objective.deviations();
   if (best.u.size() == 0) return outcome;
-  const MatrixXd J = objective.Derivatives(best.u, settings.per_tick);
+  MatrixXd J = objective.Derivatives(best.u, settings.per_tick);
+  Refine(objective, J, settings, best);
+  J = objective.Derivatives(best.u, settings.per_tick);
   Refine(objective, J, settings, best);
   outcome.records = Split(objective, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
-  const MatrixXd of_variables = Sandwich(objective, J, best);
-  const std::size_t n = prior.size();
+  const About about = LookAbout(objective, J, best);
+  outcome.information = InformationOf(objective, about);
+  const MatrixXd of_variables = Sandwich(about);
+  const std::size_t n = prior.known.size();
   const std::vector<double>& deviations = objective.deviations();
-  outcome.posterior.quantities = prior.quantities;
+  outcome.posterior.quantities = prior.known.quantities;
   outcome.posterior.mean = objective.CoordinatesOf(best.u);
+  for (std::size_t i = 0; i < n; ++i)  // but for rounding at a bound
+    outcome.posterior.mean[i] = std::max(
+        outcome.posterior.mean[i], FactsOf(prior.known.quantities[i].kind).least_coordinate());
   outcome.posterior.covariance.resize(n * n);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t k = 0; k < n; ++k)
       outcome.posterior.covariance[i * n + k] =
           of_variables(ToIndex(i), ToIndex(k)) * deviations[i] * deviations[k] *
-          WideningOf(prior.quantities[i].kind) * WideningOf(prior.quantities[k].kind);
+          WideningOf(prior.known.quantities[i].kind) * WideningOf(prior.known.quantities[k].kind);
   }
   outcome.evaluations = objective.evaluations();
   return outcome;
@@ -427,8 +488,9 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const RobotPosterio
 
 std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
                                       const RobotPosterior& robot, int per_tick) {
-  FitSettings settings;
-  Objective objective(records, robot, settings);
+  const FitSettings settings;
+  const FitPrior prior{robot, {}, {}};
+  Objective objective(records, prior, settings);
   const VectorXd mean = VectorXd::Zero(ToIndex(robot.size()));
   return Split(objective, objective.Residuals({mean}, per_tick).col(0));
 }

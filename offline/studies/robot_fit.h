@@ -48,11 +48,21 @@ struct FitResiduals {
   std::vector<double> chi_of_joint;
 };
 
+/// What is known of a robot before its records are fitted.
+struct FitPrior {
+  RobotPosterior known;
+  /// What earlier records say; empty: there are none.
+  RobotInformation earlier;
+  /// Of each coordinate before the first record of the robot; empty: those of `known`.
+  std::vector<double> first_deviations;
+  bool weighed = false;  ///< Whether what earlier records say has the robot's weight in it.
+};
+
 /// What records say of a robot.
 struct FitOutcome {
   RobotPosterior prior, posterior;
-  /// Of each coordinate before the first record of the robot; empty: those of the prior.
-  std::vector<double> first_deviations;
+  RobotInformation information;          ///< For a fit of further records.
+  std::vector<double> first_deviations;  ///< Of each coordinate before the first record.
   std::vector<FitResiduals> records;
   double chi = 0;
   /// Whether chi is above its limit: physics, or the wire, are not as modelled, and the quantities
@@ -74,16 +84,19 @@ struct FitOutcome {
 ///
 /// Its covariance is a sandwich: residuals of one bump are not independent of one another, so that
 /// what a block of them says together counts as one observation.
+///
+/// With what earlier records say, the outcome is that of one fit of all records, but for what is no
+/// linear function of the robot.
 /// @param records  of one robot; each has the prior's links and joints.
 /// @throws std::invalid_argument  when a record has another robot.
-FitOutcome FitRobot(std::span<const RecordedMotion> records, const RobotPosterior& prior,
+FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& prior,
                     const FitSettings& settings);
 
 /// The residuals of a robot in records that need not be those of its fit.
 std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
                                       const RobotPosterior& robot, int per_tick);
 
-/// The prior of a fit of these records: PriorOf, with the quantities of the drives.
-RobotPosterior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed);
+/// The prior of a first fit of these records: PriorOf, with the quantities of the drives.
+FitPrior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed);
 
 }  // namespace tumbler

@@ -64,7 +64,11 @@ ExitStatus Main(int argc, char** argv) {
   std::string drives;
   int robots = 20, first = 0;
   double torque = 1, filter_s = 0, lag_s = 0, weight = 0;
-  std::string task, guess;
+  testing::HiddenBesides besides;
+  std::string task, guess, gated;
+  int falls = 0;
+  bool one_by_one = false;
+  GateSettings gate;
   double scale = 1;
   std::optional<std::uint64_t> seed;
   CommandLine line("Fits hidden robots.", "identification_study");
@@ -75,6 +79,16 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--torque-factor", torque, "of all drives").Within(0.1, 10.0);
   line.Option("--velocity-filter-s", filter_s, "of all drives").Within(0.0, 0.1);
   line.Option("--torque-lag-s", lag_s, "of all drives").Within(0.0, 0.1);
+  line.Option("--inertia", besides.inertia, "deviation of each link's, a factor").Within(0.0, 1.0);
+  line.Option("--rotor", besides.rotor, "deviation of the rotors', a factor").Within(0.0, 1.0);
+  line.Option("--creep-speed", besides.creep_speed, "deviation of it, a factor").Within(0.0, 1.0);
+  line.Option("--length", besides.length, "deviation of each link's, a factor").Within(0.0, 1.0);
+  line.Option("--gated", gated, "a motion that the gate is asked about, and that is then played");
+  line.Option("--falls", falls, "end with so many robots that fail in it").Within(0, 100000);
+  line.Flag("--one-by-one", one_by_one, "fit the records one after the other, and compare");
+  line.Option("--draws", gate.draws, "of the gate").Within(0, 1000);
+  line.Option("--margin-torque", gate.margins.torque_limit, "of the gate").Within(0.0, 1.0);
+  line.Option("--margin-delay-s", gate.margins.delay_s, "of the gate").Within(0.0, 1.0);
   line.Option("--weigh", weight, "1: the robot is weighed").Within(0.0, 1.0);
   line.Option("--scale", scale, "of what robots differ by").Within(0.0, 10.0);
   line.Option("--task", task, "of a motion that is found anew for robots on which it fails");
@@ -88,13 +102,15 @@ ExitStatus Main(int argc, char** argv) {
   };
   std::map<std::string, Figures> figures;
   std::vector<std::string> order;
-  std::vector<double> chis, cpu;
+  std::vector<double> chis, cpu, apart, ratios;
   int effective = 0, wrong = 0, missed = 0;
+  int open_stands = 0, open_falls = 0, closed_stands = 0, closed_falls = 0;
   int stood = 0, not_found = 0, refused = 0, stands = 0, fell = 0;
   std::vector<double> tuning;
   for (int i = 0; i < robots; ++i) {
     testing::HiddenRobot robot = testing::DrawHiddenRobot(runs.front().scene(), seed.value_or(1),
                                                           static_cast<std::uint64_t>(first + i));
+    AddBesides(besides, seed.value_or(1), static_cast<std::uint64_t>(first + i), robot);
     robot.torque_factor = torque;
     robot.velocity_filter_s = filter_s;
     robot.torque_lag_s = lag_s;
@@ -122,6 +138,19 @@ ExitStatus Main(int argc, char** argv) {
     cpu.push_back(cpu_s + CpuSeconds() - start);
     chis.push_back(fit.chi);
     effective += fit.effective ? 1 : 0;
+    if (one_by_one && !fit.effective) {
+      FitPrior known = PriorOfRecords(records, weight > 0);
+      FitOutcome last;
+      for (std::size_t m = 0; m < records.size(); ++m) {
+        last = FitRobot(std::span(records).subspan(m, 1), known, settings);
+        known = {last.posterior, last.information, last.first_deviations, last.weighed};
+      }
+      for (std::size_t q = 0; q < fit.posterior.size(); ++q) {
+        const double deviation = fit.posterior.DeviationOf(q);
+        apart.push_back(std::abs(last.posterior.mean[q] - fit.posterior.mean[q]) / deviation);
+        ratios.push_back(last.posterior.DeviationOf(q) / deviation);
+      }
+    }
     bool off = false;
     for (std::size_t q = 0; q < fit.posterior.size(); ++q) {
       const RobotQuantity& quantity = fit.posterior.quantities[q];
@@ -137,9 +166,15 @@ ExitStatus Main(int argc, char** argv) {
       figures[name].sigmas.push_back(error / fit.posterior.DeviationOf(q));
       figures[name].shares.push_back(fit.ShareLeft(q));
     }
+    PosteriorFile known;
+    known.posterior = fit.posterior;
+    if (!gated.empty()) {
+      const bool open = PassGate(gated, drives, known, gate).open();
+      const bool works = testing::HiddenRuns(gated, drives).Play(robot);
+      (open ? (works ? open_stands : open_falls) : (works ? closed_stands : closed_falls)) += 1;
+      fmt::print("  gate {}, {}\n", open ? "open" : "closed", works ? "stands" : "falls");
+    }
     if (!task.empty()) {
-      PosteriorFile known;
-      known.posterior = fit.posterior;
       const double tuned = CpuSeconds();
       Task own = IdentifiedTask(LoadTask(task), known);
       TuneTo(known, {}, own);
@@ -155,7 +190,7 @@ ExitStatus Main(int argc, char** argv) {
       } else {
         const std::string motion = folder / "tuned.toml";
         PendingFile(motion, ToToml(*result.file)).Commit();
-        if (!PassGate(motion, drives, fit.posterior, {}).open()) {
+        if (!PassGate(motion, drives, known, gate).open()) {
           ++refused;
           became = "refused by the gate";
         } else {
@@ -173,17 +208,30 @@ ExitStatus Main(int argc, char** argv) {
     fmt::print("{}: chi {:.3f} starts {} cpu {:.2f} s{}{}\n", first + i, fit.chi, fit.starts,
                cpu.back(), fit.effective ? " effective" : "", rests ? "" : " (not as asked)");
     std::fflush(stdout);
+    if (falls > 0 && open_falls + closed_falls >= falls) break;
   }
   fmt::print(
       "chi {:.3f} {:.3f} {:.3f} (5, 50, 95 %), effective {}, masses off by 8 % {} (not flagged "
       "{}), CPU median {:.2f} s\n",
       Quantile(chis, 0.05), Quantile(chis, 0.5), Quantile(chis, 0.95), effective, wrong, missed,
       Quantile(cpu, 0.5));
+  if (one_by_one) {
+    fmt::print(
+        "one by one: means are apart by {:.3g} {:.3g} {:.3g} deviations (50, 95, 100 %), "
+        "deviations "
+        "{:.3g} {:.3g} {:.3g} {:.3g} {:.3g} times those of one fit (0, 5, 50, 95, 100 %)\n",
+        Quantile(apart, 0.5), Quantile(apart, 0.95), Quantile(apart, 1), Quantile(ratios, 0),
+        Quantile(ratios, 0.05), Quantile(ratios, 0.5), Quantile(ratios, 0.95), Quantile(ratios, 1));
+  }
   if (!task.empty()) {
     fmt::print(
         "{} stood already; of the others {} stand, {} fell, {} refused by the gate, {} without "
         "a motion; tuning {:.1f} s of CPU in the median\n",
         stood, stands, fell, refused, not_found, Quantile(tuning, 0.5));
+  }
+  if (!gated.empty()) {
+    fmt::print("gate: of {} that fail it refuses {}; of {} that stand it refuses {}\n",
+               open_falls + closed_falls, closed_falls, open_stands + closed_stands, closed_stands);
   }
   fmt::print("{:32} {:>10} {:>10} {:>8} {:>8} {:>8}\n", "quantity", "median", "largest", "cover95",
              "rms/sd", "share");

@@ -64,6 +64,13 @@ double MeanOf(const FitOutcome& fit, RobotQuantity::Kind kind, const std::string
 
 using Kind = RobotQuantity::Kind;
 
+PosteriorFile FileOf(const RobotPosterior& posterior) {
+  PosteriorFile file;
+  file.posterior = posterior;
+  file.prior_deviations.assign(posterior.size(), 1);
+  return file;
+}
+
 TEST(Identify, TwoExcitationsTellAHiddenRobot) {
   const Scene& scene = Excitations().front().scene();
   const testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 2);
@@ -126,6 +133,28 @@ TEST(Identify, ALagOfTheCurrentLoopIsFound) {
   }
 }
 
+TEST(Identify, RecordsOneAfterTheOtherTellWhatTheyTellTogether) {
+  const std::vector<RecordedMotion> records =
+      RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 7));
+  const FitPrior prior = PriorOfRecords(records, false);
+  const FitOutcome together = FitRobot(records, prior, {});
+  const FitOutcome first = FitRobot(std::span(records).first(1), prior, {});
+  FitPrior earlier{first.posterior, first.information, first.first_deviations};
+  const FitOutcome then = FitRobot(std::span(records).last(1), earlier, {});
+  double squares = 0;
+  const std::size_t n = together.posterior.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::string name = NameOf(together.posterior.quantities[i]);
+    const double deviation = together.posterior.DeviationOf(i);
+    const double apart = (then.posterior.mean[i] - together.posterior.mean[i]) / deviation;
+    EXPECT_LT(std::abs(apart), 1.96) << name;
+    squares += apart * apart;
+    EXPECT_NEAR(std::log(then.posterior.DeviationOf(i) / deviation), 0, std::log(1.6)) << name;
+    EXPECT_EQ(then.first_deviations[i], together.first_deviations[i]) << name;
+  }
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(n)), 0.7);
+}
+
 TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
   std::vector<RecordedMotion> records =
       RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 5));
@@ -170,16 +199,19 @@ TEST(Identify, ARecordWithoutMotionIsRefused) {
 
 TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
-  RobotPosterior known = PriorOf(task.problem.scene);
+  PosteriorFile file;
+  RobotPosterior& known = file.posterior;
+  known = PriorOf(task.problem.scene);
   for (double& value : known.covariance) value *= 1e-4;
   GateSettings settings;
   settings.draws = 1;
+  settings.margins = {0, 0};
   EXPECT_TRUE(
-      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings).open());
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, file, settings).open());
   for (std::size_t i = 0; i < known.size(); ++i)
     if (known.quantities[i].kind == Kind::kFriction) known.mean[i] = std::log(0.04);
   const GateOutcome ice =
-      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, known, settings);
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, file, settings);
   EXPECT_FALSE(ice.open());
   EXPECT_EQ(ice.robots.size(), 2U);
 }
@@ -187,8 +219,23 @@ TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
 TEST(Gate, TakesNoSequenceThatGoesOnForEver) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   EXPECT_THROW(PassGate(testing::SourcePath("primitives/gait.toml"), kDrives,
-                        PriorOf(task.problem.scene), GateSettings{}),
+                        FileOf(PriorOf(task.problem.scene)), GateSettings{}),
                Refused);
+}
+
+TEST(Gate, DrawsDifferInWhatNoRecordTells) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  PosteriorFile file = FileOf(PriorOf(task.problem.scene));
+  for (double& value : file.posterior.covariance) value *= 1e-6;
+  GateSettings settings;
+  settings.draws = 1;
+  const GateOutcome outcome =
+      PassGate(testing::SourcePath("primitives/handstand.toml"), kDrives, file, settings);
+  ASSERT_EQ(outcome.robots.size(), 2U);
+  EXPECT_EQ(outcome.robots[0].variation.delay_s, 0);
+  const RobotVariation& draw = outcome.robots[1].variation;
+  EXPECT_GT(std::abs(draw.joints[0].torque_limit - 1), 1e-4);
+  EXPECT_GT(draw.delay_s, 0);
 }
 
 TEST(IdentifiedModel, TheTaskOfAnIdentifiedRobotHasItsLinksAndGround) {

@@ -1,5 +1,6 @@
 // What is known of one robot: its quantities, the robot that they make, and the file.
 
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -27,6 +28,9 @@ PosteriorFile SomePosterior() {
   for (std::size_t i = 0; i < n; ++i)
     file.prior_deviations.push_back(file.posterior.DeviationOf(i));
   file.posterior.mean = file.posterior.Draw(1, 3, 4);
+  for (std::size_t i = 0; i < n; ++i)
+    if (file.posterior.quantities[i].kind == RobotQuantity::Kind::kDry)
+      file.posterior.mean[i] = std::abs(file.posterior.mean[i]);
   file.posterior.covariance[1] = file.posterior.covariance[n] = 0.3 * file.posterior.covariance[0];
   file.chi = 0.1 + 0.2;
   file.chi_max = 1;
@@ -98,6 +102,58 @@ TEST(PosteriorFile, ReadsBackAsItWasWritten) {
   EXPECT_EQ(read.chi, file.chi);
   EXPECT_EQ(read.weighed, file.weighed);
   EXPECT_EQ(read.records, file.records);
+}
+
+TEST(PosteriorFile, KeepsWhatAFitOfFurtherRecordsNeeds) {
+  PosteriorFile file = SomePosterior();
+  const std::size_t n = file.posterior.size();
+  file.information.centre = file.posterior.mean;
+  file.information.centre[3] += 0.1;
+  file.information.hessian = file.information.gradient_covariance = file.posterior.covariance;
+  file.information.hessian[0] *= 1.0 / 3;
+  file.information.gradient_covariance[n * n - 1] *= 1e20;
+  file.weight_kg = 1.8;
+  file.fingerprints = {"fnv1a64:0"};
+  file.drives.rate_hz = 1000;
+  file.drives.of_joint = {{"leg1", "mit", 40, 5, -1, 1, 0.1}};
+  const PosteriorFile read = ParsePosterior(ToToml(file), "posterior.toml");
+  EXPECT_EQ(read.information, file.information);
+  EXPECT_EQ(read.weight_kg, file.weight_kg);
+  EXPECT_EQ(read.fingerprints, file.fingerprints);
+  EXPECT_EQ(read.drives, file.drives);
+}
+
+TEST(PosteriorFile, WhatNoRobotHasIsRefusedByLineKeyValueAndRange) {
+  const auto message = [](const std::string& quantity) -> std::string {
+    try {
+      ParsePosterior(
+          "format = \"tumbler-posterior\"\nversion = 1\neffective = false\nchi = 1\n"
+          "chi_max = 1\nweighed = false\ncovariance = [1e-4]\n[[quantity]]\n" +
+              quantity + "\n",
+          "p.toml", &HandstandScene());
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const std::string mass = "kind = \"mass\"\nprior_deviation = 0.1\n";
+  EXPECT_EQ(message(mass + "of = \"middle\"\nmean = 0.1"), "");
+  using ::testing::AllOf;
+  using ::testing::HasSubstr;
+  EXPECT_THAT(message(mass + "of = \"middle\"\nmean = 40"),
+              AllOf(HasSubstr("p.toml:12"), HasSubstr("mean"), HasSubstr("40 (of 2.354e+17 kg)"),
+                    HasSubstr("to 11.5129 (of 1e+05 kg)")));
+  EXPECT_THAT(message(mass + "mean = 0"), AllOf(HasSubstr("of"), HasSubstr("is missing")));
+  EXPECT_THAT(message(mass + "of = \"arm\"\nmean = 0"),
+              AllOf(HasSubstr("p.toml:11"), HasSubstr("'arm'"), HasSubstr("middle, leg1_link")));
+  EXPECT_THAT(message("kind = \"friction\"\nof = \"leg1\"\nprior_deviation = 1\nmean = 0"),
+              HasSubstr("leave the key out"));
+  EXPECT_THAT(message("kind = \"dry_friction\"\nof = \"leg1\"\nprior_deviation = 1\nmean = -0.1"),
+              AllOf(HasSubstr("mean"), HasSubstr("-0.1"), HasSubstr("0 to 5")));
+  EXPECT_THAT(message("kind = \"zero\"\nof = \"leg1\"\nprior_deviation = 99\nmean = 0"),
+              AllOf(HasSubstr("prior_deviation"), HasSubstr("99"), HasSubstr("to 6.4")));
+  EXPECT_NE(message("kind = \"zero\"\nof = \"leg1\"\nprior_deviation = 0\nmean = 0"), "");
+  EXPECT_NE(message("kind = \"zero\"\nof = \"leg1\"\nprior_deviation = 1\nmean = nan"), "");
 }
 
 TEST(PosteriorFile, AnEffectiveModelSaysSo) {

@@ -43,6 +43,27 @@ inline HiddenRobot DrawHiddenRobot(const Scene& scene, std::uint64_t seed, std::
   return hidden;
 }
 
+/// By how much a hidden robot differs besides, as standard deviations of factors: inertias, rotors,
+/// the speed of full friction, and lengths, which no fit estimates.
+struct HiddenBesides {
+  double inertia = 0, rotor = 0, creep_speed = 0, length = 0;
+};
+
+inline void AddBesides(const HiddenBesides& by, std::uint64_t seed, std::uint64_t index,
+                       HiddenRobot& hidden) {
+  Normal normal(seed + 2, index);
+  const auto factor = [&normal](double deviation) {
+    return portable::Exp(deviation * normal.Draw());
+  };
+  for (RobotVariation::Link& link : hidden.variation.links) {
+    link.inertia *= factor(by.inertia);
+    link.length *= factor(by.length);
+  }
+  const double rotor = factor(by.rotor);
+  for (RobotVariation::Joint& joint : hidden.variation.joints) joint.rotor_inertia *= rotor;
+  hidden.variation.creep_speed *= factor(by.creep_speed);
+}
+
 /// A motion, ready to be played by robots that differ.
 class HiddenRuns {
  public:
