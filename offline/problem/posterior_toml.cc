@@ -56,7 +56,7 @@ constexpr std::array<std::string_view, RobotQuantity::kKinds> KindNames() {
   return {"mass",         "mass_centre",   "gyration",      "friction",  "stiffness",
           "damping",      "creep_speed",   "slope",         "zero",      "viscous_friction",
           "dry_friction", "rotor_inertia", "torque_factor", "reply_lag", "velocity_filter",
-          "torque_lag"};
+          "torque_lag",   "length"};
 }
 constexpr std::array kQuantityNames = KindNames();
 constexpr Range kCoordinate{-1e6, 1e6};

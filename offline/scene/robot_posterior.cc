@@ -37,6 +37,7 @@ constexpr std::array<QuantityFacts, RobotQuantity::kKinds> kFacts = {{
     {Kind::kLag, "reply_lag", "s", false, 1e-4, -0.1, 0.1, Of::kNothing},
     {Kind::kVelocityLag, "velocity_filter", "s", false, 2e-3, 0, 0.1, Of::kNothing},
     {Kind::kTorqueLag, "torque_lag", "s", false, 5e-4, 0, 0.1, Of::kNothing},
+    {Kind::kLength, "length", "", true, 0.01, 0.5, 2, Of::kLink},
 }};
 
 std::size_t DofOfLink(const PlanarRobot& robot, const std::string& link) {
@@ -91,6 +92,9 @@ double ValueIn(const Scene& scene, const RobotQuantity& quantity) {
     case Kind::kZero:
       static_cast<void>(JointNamed(robot, quantity.of));
       return 0;
+    case Kind::kLength:
+      static_cast<void>(DofOfLink(robot, quantity.of));
+      return 1;
     case Kind::kTorque:
       return 1;
     case Kind::kSlope:
@@ -236,7 +240,7 @@ RobotVariation VariationOf(const Scene& scene, std::span<const RobotQuantity> qu
         link().mass = factor();
         break;
       case Kind::kMassCentre:
-        link().mass_centre_m = value - ValueIn(scene, quantity);
+        link().mass_centre_m += value - ValueIn(scene, quantity);
         break;
       case Kind::kGyration:
         link().inertia = factor();
@@ -273,6 +277,12 @@ RobotVariation VariationOf(const Scene& scene, std::span<const RobotQuantity> qu
         break;
       case Kind::kTorqueLag:
         for (RobotVariation::Joint& each : v.joints) each.torque_lag_s = std::max(0.0, value);
+        break;
+      case Kind::kLength:
+        link().length = value;
+        // The centre of mass is where its own quantity says.
+        link().mass_centre_m -=
+            (value - 1) * robot.tree.dofs[DofOfLink(robot, quantity.of)].mass_centre.x();
         break;
       case Kind::kTorque:
         for (RobotVariation::Joint& each : v.joints) each.torque = value;

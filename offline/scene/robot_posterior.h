@@ -32,8 +32,9 @@ struct RobotQuantity {
     kLag,          ///< Of all drives: how much later than modelled a reply is sampled [s].
     kVelocityLag,  ///< Of all drives: time constant of their velocity's filter [s].
     kTorqueLag,    ///< Of all drives: time constant of their current loop [s].
+    kLength,       ///< Of a link: factor of its x, of what the model has.
   };
-  static constexpr std::size_t kKinds = 16;
+  static constexpr std::size_t kKinds = 17;
   Kind kind = Kind::kMass;
   std::string of;  ///< The link or joint; empty: of the ground, or of all.
 
@@ -104,8 +105,8 @@ struct RobotInformation {
 /// @throws std::invalid_argument  when the scene has no such link or joint.
 [[nodiscard]] double CoordinateIn(const Scene& scene, const RobotQuantity& quantity);
 
-/// All quantities that a robot in this scene has, but for those of its drives (from kTorque on),
-/// with what is known of each before anything was measured: independent of one
+/// All quantities that a robot in this scene has, but for its lengths and those of its drives
+/// (from kTorque on), with what is known of each before anything was measured: independent of one
 /// another, about the scene's.
 [[nodiscard]] RobotPosterior PriorOf(const Scene& scene);
 

@@ -56,7 +56,10 @@ std::string IdentifiedUrdf(const std::string& robot_text, const std::string& rob
   const std::size_t first = Index(scene.robot.first_body());
   for (std::size_t i = 0; i < robot.links.size(); ++i) {
     const RobotVariation::Link& link = robot.links[i];
-    links.push_back({scene.robot.body_names[first + i], link.mass, link.inertia, link.mass_centre_m});
+    // The URDF keeps its lengths, and has the centre of mass where it is.
+    const double moved_m =
+        link.mass_centre_m + (link.length - 1) * scene.robot.tree.dofs[first + i].mass_centre.x();
+    links.push_back({scene.robot.body_names[first + i], link.mass, link.inertia, moved_m});
   }
   return WithInertias(robot_text, robot_name, links);
 }

@@ -119,7 +119,7 @@ std::string IdentifyPage(const FitOutcome& fit, const FitSettings& settings,
         fit.Identifiable(i) ? "" : "not identifiable from these records");
   }
   page +=
-      "</table></div>\n<p class=\"dim\">Not estimated: lengths, the height of each centre of mass "
+      "</table></div>\n<p class=\"dim\">Not estimated: the height of each centre of mass "
       "above its link's axis, the limits of torque and speed.</p>\n";
   page +=
       "<h2>What goes together</h2>\n<p class=\"dim\">The largest correlations: what a record tells "

@@ -423,6 +423,8 @@ FitPrior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
   std::vector<RobotQuantity> more = {
       {Kind::kLag, ""}, {Kind::kVelocityLag, ""}, {Kind::kTorqueLag, ""}};
   if (weighed) more.push_back({Kind::kTorque, ""});
+  for (const RobotQuantity& quantity : prior.quantities)
+    if (quantity.kind == Kind::kMass) more.push_back({Kind::kLength, quantity.of});
   const std::size_t n = prior.size(), m = n + more.size();
   std::vector<double> covariance(m * m, 0.0);
   for (std::size_t i = 0; i < n; ++i) covariance[i * m + i] = prior.covariance[i * n + i];

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "common/core/index.h"
 #include "common/files/command_line.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
@@ -48,6 +49,12 @@ double TruthOf(const Scene& scene, const testing::HiddenRobot& robot, const Robo
   if (of.kind == Kind::kTorqueLag) return robot.torque_lag_s;
   if (of.kind == Kind::kLag) return std::nan("");
   const Scene varied = Varied(scene, robot.variation);
+  if (of.kind == Kind::kLength) {
+    const std::size_t first = Index(scene.robot.first_body());
+    for (std::size_t i = first; i < scene.robot.body_names.size(); ++i)
+      if (scene.robot.body_names[i] == of.of)
+        return std::log(robot.variation.links[i - first].length);
+  }
   for (std::size_t j = 0; j < varied.robot.joint_count(); ++j) {
     if (varied.robot.tree.dofs[varied.robot.DofOfJoint(j)].name != of.of) continue;
     const RobotVariation::Joint& joint = robot.variation.joints[j];

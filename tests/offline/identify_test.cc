@@ -133,6 +133,26 @@ TEST(Identify, ALagOfTheCurrentLoopIsFound) {
   }
 }
 
+TEST(Identify, LengthsThatAreOffAreKnownToBeUncertain) {
+  const Scene& scene = Excitations().front().scene();
+  testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 8);
+  robot.variation.links[0].length = 1.01;
+  robot.variation.links[1].length = 0.99;
+  const std::vector<RecordedMotion> records = RecordsOf(robot);
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), {});
+  EXPECT_FALSE(fit.effective) << fit.chi;
+  for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
+    const RobotQuantity& quantity = fit.posterior.quantities[i];
+    if (quantity.kind != Kind::kZero && quantity.kind != Kind::kLength) continue;
+    const double truth = quantity.kind == Kind::kZero
+                             ? robot.variation.joints[quantity.of == "leg1" ? 0 : 1].zero_rad
+                         : quantity.of == "middle"    ? std::log(1.01)
+                         : quantity.of == "leg1_link" ? std::log(0.99)
+                                                      : 0;
+    EXPECT_NEAR(fit.posterior.mean[i], truth, 3 * fit.posterior.DeviationOf(i)) << NameOf(quantity);
+  }
+}
+
 TEST(Identify, RecordsOneAfterTheOtherTellWhatTheyTellTogether) {
   const std::vector<RecordedMotion> records =
       RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 7));

@@ -68,6 +68,19 @@ TEST(Posterior, ARobotHasTheQuantitiesOfItsCoordinates) {
   }
 }
 
+TEST(Posterior, ALengthLeavesTheCentreOfMassWhereItsOwnQuantityHasIt) {
+  using Kind = RobotQuantity::Kind;
+  const Scene& scene = HandstandScene();
+  const RobotQuantity centre{Kind::kMassCentre, "leg1_link"};
+  const double was = CoordinateIn(scene, centre);
+  const std::vector<RobotQuantity> quantities = {{Kind::kLength, "leg1_link"}, centre};
+  const RobotVariation robot =
+      VariationOf(scene, quantities, std::vector<double>{std::log(1.02), was + 1e-3});
+  EXPECT_NEAR(CoordinateIn(Varied(scene, robot), centre), was + 1e-3, 1e-12);
+  EXPECT_EQ(robot.links[0].length, 1);
+  EXPECT_NEAR(robot.links[1].length, 1.02, 1e-12);
+}
+
 TEST(Posterior, DrawsHaveItsMeanAndCovariance) {
   RobotPosterior two;
   two.quantities = {{RobotQuantity::Kind::kSlope, ""}, {RobotQuantity::Kind::kFriction, ""}};
