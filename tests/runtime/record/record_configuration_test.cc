@@ -142,7 +142,9 @@ TEST(RecordConfiguration, OfTheVersionsBeforeHasEightEntriesOfWhichTheJointsCoun
   written.executor.collapse = {true, {0.1F, -2.3F}, 0.7F};
   written.executor.last_known[1] = {true, -0.1F, 0.7F};
   const std::string text = JsonOf(written);
-  EXPECT_EQ(JsonOf(ParseConfiguration(WithEntries(text, 8))), text);
+  RecordConfiguration read = ParseConfiguration(WithEntries(text, 8));
+  read.files = written.files;  // Their texts are in other blocks.
+  EXPECT_EQ(JsonOf(read), text);
   EXPECT_THAT(WhyRefused(WithEntries(text, 7)),
               HasSubstr("configuration: joints: is not an array of 2 entries, one for each joint"));
   EXPECT_THAT(WhyRefused(WithEntries(text, 9)), HasSubstr("joints: is not an array of 2 entries"));
