@@ -42,10 +42,14 @@ struct Roles {
   std::array<std::uint8_t, kMaxJoints> partner{};
 };
 
+/// The most joints that a robot is drawn with, whatever the build could hold: the same numbers are
+/// the same flights.
+constexpr std::size_t kMostDrawn = 8;
+
 Pose RandomPose(const Roles& roles, FlightRandom& random) {
   Pose pose{};
-  for (std::size_t j = 0; j < kMaxJoints; ++j) pose[j] = random.Real(-0.8, 0.8);
-  for (std::size_t j = 0; j < kMaxJoints; ++j)
+  for (std::size_t j = 0; j < kMostDrawn; ++j) pose[j] = random.Real(-0.8, 0.8);
+  for (std::size_t j = 0; j < kMostDrawn; ++j)
     pose[j] = pose[std::min<std::size_t>(j, roles.partner[j])];
   return pose;
 }
@@ -538,7 +542,10 @@ FlightSetting MakeSetting(std::uint64_t seed, std::uint32_t left_out) {
   Roles roles;
   const int size = random.Below(20);
   roles.joint_count =
-      size < 14 ? 2 : (size < 16 ? 1 : (size < 19 ? random.Within(3, 4) : random.Within(5, 8)));
+      size < 14 ? 2
+                : (size < 16 ? 1
+                             : (size < 19 ? random.Within(3, 4)
+                                          : random.Within(5, static_cast<int>(kMostDrawn))));
   const bool pairs = random.Chance(0.7);
   for (std::size_t j = 0; j < kMaxJoints; ++j) {
     const bool paired = pairs && static_cast<int>(j | 1U) < roles.joint_count;

@@ -136,7 +136,7 @@ TEST_F(BadInputFolder, TheChecksOfARobotSayTheSame) {
     // robot's parts has a remark about it.
     if (status == 0) {
       const bool many = input.name == "too_many_joints.urdf";
-      EXPECT_THAT(text, HasSubstr(many ? "can be planned: not yet\n  it needs 4 more of these 12 "
+      EXPECT_THAT(text, HasSubstr(many ? "can be planned: not yet\n  it needs 4 more of these 16 "
                                          "joints locked"
                                        : "can be planned: not yet; in the way:\n    " +
                                              input.message + "\n"));
