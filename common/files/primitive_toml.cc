@@ -343,6 +343,11 @@ void ReadAborts(TomlTable& root, PrimitiveFile& file) {
 void CheckQuaternion(TomlTable& table, const PrimitivePose& pose) {
   double square = 0;
   for (const double part : pose.root_quaternion) square += part * part;
+  if (pose.root_pitch_rad != 0) {
+    table.Fail("root_pitch_rad", fmt::format("is {} beside root_quaternion, which says how the "
+                                             "root is turned; allowed: 0",
+                                             pose.root_pitch_rad));
+  }
   if (std::abs(square - 1) <= 1e-9) return;
   table.Fail("root_quaternion", fmt::format("has the length {}; allowed: 1", std::sqrt(square)));
 }
@@ -388,11 +393,22 @@ ContactInterval ReadContact(TomlTable& table, double end_s) {
   return contact;
 }
 
+void CheckUnit(TomlTable& table, std::string_view key, const std::array<double, 3>& v) {
+  const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+  if (std::abs(square - 1) <= 1e-9) return;
+  table.Fail(key, fmt::format("has the length {}; allowed: a unit vector", std::sqrt(square)));
+}
+
 PurposeFigure ReadPurpose(TomlTable& table) {
   PurposeFigure figure;
   ReadKeys(table, kPurposeKeys, figure);
   if (figure.at_time()) ReadKeys(table, kPurposeTimeKeys, figure);
-  if (figure.is_in_space()) ReadKeys(table, kPurposeSpaceKeys, figure);
+  if (figure.is_in_space()) {
+    ReadKeys(table, kPurposeSpaceKeys, figure);
+    CheckUnit(table, "along", figure.along);
+    if (figure.of == PurposeTarget::Of::kMisalignment)
+      CheckUnit(table, "in_space", figure.in_space);
+  }
   if (figure.of_point()) ReadKeys(table, kPurposePointKeys, figure);
   // A motion that misses its purpose is never written.
   if (!figure.met()) {

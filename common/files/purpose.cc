@@ -39,8 +39,8 @@ std::string PurposeTarget::NameAfter(double later_s) const {
 }
 
 const char* PurposeTarget::unit() const {
-  constexpr std::array kUnits = {"m", "m",   "rad", "m/s", "m/s", "rad/s", "m/s, rad/s", "m",
-                                 "m", "m/s", "m/s", "m",   "m/s", "rad/s", "rad"};
+  constexpr std::array kUnits = {"m", "m",   "rad", "m/s", "m/s", "rad/s", "m/s, rad/s",       "m",
+                                 "m", "m/s", "m/s", "m",   "m/s", "rad/s", "as 2 sin(angle/2)"};
   return kUnits[static_cast<std::size_t>(of)];
 }
 

@@ -87,9 +87,11 @@ Json Figures(const TaskResult& result) {
                {"cpu_s", result.cpu_s},
                {"look_cpu_s", result.look_cpu_s},
                {"end", ToString(best.end)},
-               {"final_pitch_rad", summary.final_pitch_rad},
-               {"settled_pitch_rad", summary.settled_pitch_rad},
                {"settled_speed", summary.settled_speed}};
+  if (!result.problem().space) {  // There, no angle alone says how a root is turned.
+    json["final_pitch_rad"] = summary.final_pitch_rad;
+    json["settled_pitch_rad"] = summary.settled_pitch_rad;
+  }
   if (result.problem().free_duration) json["duration_s"] = result.problem().duration_s;
   constexpr std::array kStartRates = {"start_x_m_s", "start_z_m_s", "start_pitch_rad_s"};
   for (const std::size_t i : result.problem().free_start_coordinates())

@@ -164,6 +164,20 @@ void PrintNotes(const Task& task) {
 void PrintMotion(std::FILE* people, const TaskResult& result) {
   const MotionSummary& summary = result.summary;
   const Certificate& c = result.file->certificate;
+  const std::string end =
+      result.problem().space
+          ? "the root's place and axes at the end by {step_halving_error_rad:.1e}"
+          : "the final pitch by {step_halving_error_rad:.1e} rad";
+  const std::string format =
+      "  gradient error {gradient_error:.1e}, projected gradient {projected_gradient:.1e}; with "
+      "half "
+      "the step the gradient changes by {gradient_step_halving_change:.1e}, " +
+      end +
+      "\n"
+      "  peak torque {peak_torque_nm:.2f} N m, margins: {torque_margin_nm:.2f} N m, "
+      "{position_margin_rad:.2f} rad, {velocity_margin_rad_s:.2f} rad/s, "
+      "{acceleration_margin_rad_s2:.0f} rad/s^2; "
+      "peak penetration {peak_penetration_mm:.2f} mm\n";
   fmt::print(people,
              "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU, {:.2f} of them "
              "to look again); {}\n{}{}",
@@ -174,16 +188,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
                                summary.final_pitch_rad, ExitAfter(result.problem()),
                                summary.settled_pitch_rad)
                  : "",
-             FormatCertificate(
-                 "  gradient error {gradient_error:.1e}, projected gradient "
-                 "{projected_gradient:.1e}; with half the step the gradient changes by "
-                 "{gradient_step_halving_change:.1e}, the final pitch by "
-                 "{step_halving_error_rad:.1e} rad\n"
-                 "  peak torque {peak_torque_nm:.2f} N m, margins: {torque_margin_nm:.2f} N m, "
-                 "{position_margin_rad:.2f} rad, {velocity_margin_rad_s:.2f} rad/s, "
-                 "{acceleration_margin_rad_s2:.0f} rad/s^2; "
-                 "peak penetration {peak_penetration_mm:.2f} mm\n",
-                 c, result.problem().contact().d_on_m));
+             FormatCertificate(format.c_str(), c, result.problem().contact().d_on_m));
   for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
     fmt::print(people, "  {} {}\n", name, value);
   PrintSecondLook(people, result.look);

@@ -252,6 +252,12 @@ CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem&
     table.Fail("axis", "has no direction; allowed: any but [0, 0, 0]");
   if (misaligned && (term.target != 0 || term.from_start))
     table.Fail("target", "is given for a misalignment, which is to be 0; leave it out");
+  constexpr double kLargestChord = 2;
+  if (misaligned && term.tolerance >= kLargestChord) {
+    table.Fail("tolerance", fmt::format("is {}, which no misalignment misses: it is 2 sin(angle / "
+                                        "2); allowed: below 2",
+                                        MessageNumber(term.tolerance)));
+  }
   try {
     term.quantity = QuantityOfLink(robot, term.of, term.link, misaligned ? term.axis : term.point_m,
                                    term.along);

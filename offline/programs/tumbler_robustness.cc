@@ -338,13 +338,12 @@ ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
     result = RunSpaceStudy(study);
     result->study.progress = nullptr;
   }
-  std::FILE* const text_to = arguments.json == "-" ? stderr : stdout;
-  fmt::print(text_to, "{}", ToText(*result));
   if (static_cast<int>(result->trials.size()) < study.robots) {
     fmt::print(stderr, "interrupted: {} of {} robots are known; nothing was written\n",
                result->trials.size(), study.robots);
     return ExitStatus::kInterrupted;
   }
+  fmt::print(arguments.json == "-" ? stderr : stdout, "{}", ToText(*result));
   WriteJson(arguments.json, ToJson(*result));
   return ExitStatus::kDone;
 }

@@ -73,9 +73,28 @@ std::vector<SpaceOwnShape> OwnShapesOf(const Robot& robot) {
   return shapes;
 }
 
-bool AtRest(const SpaceDynamics& robot) {
+/// Whether a half-space slopes, by less than dry friction would hold a robot on.
+bool SlopesGently(const SpaceScene& scene) {
+  const SpaceVector up = (-scene.robot.tree.gravity).normalized();
+  return std::ranges::any_of(scene.obstacles, [&](const Obstacle<Spatial>& obstacle) {
+    const double along = up.dot(obstacle.shape.normal),
+                 across = up.cross(obstacle.shape.normal).norm();
+    return obstacle.shape.half_space && across > 1e-12 && across < scene.contact.mu * along;
+  });
+}
+
+/// Whether nothing moves any more. On a slope, friction that grows with the speed of slipping lets
+/// the robot creep, which counts as rest where it goes on evenly (but for the air), below the speed
+/// at which friction is fully there.
+bool AtRest(const SpaceDynamics& robot, const SpaceScene& scene, bool slopes) {
   constexpr double kStill = 1e-7, kFree = 1e-5;
-  return std::ranges::all_of(robot.free, [&robot](int dof) {
+  constexpr int kTranslations = 3;
+  return std::ranges::all_of(robot.free, [&](int dof) {
+    const double speed = std::abs(robot.qd[dof]);
+    if (slopes && dof < kTranslations) {
+      return speed < scene.contact.v_max_m_per_s &&
+             std::abs(robot.qdd[dof]) < kFree + 1.01 * kAir_per_s * speed;
+    }
     return std::abs(robot.qd[dof]) < kStill && std::abs(robot.qdd[dof]) < kFree;
   });
 }
@@ -165,12 +184,13 @@ SpacePose RestPose(const SpaceScene& scene, SpacePose pose) {
   chart.axes = pose.orientation;
   SpaceDynamics::State y = robot.AtRest({robot.q.data(), robot.n});
   const std::size_t free = robot.free.size();
+  const bool slopes = in_space::SlopesGently(scene);
   for (int step = 0; step < static_cast<int>(in_space::kTime_s / in_space::kStep_s); ++step) {
     const auto slope = [&](int, const SpaceDynamics::State& y_s, double* k) {
       robot.SetFree(y_s);
       robot.TouchAndSolve();
       robot.TakeSlope(k);
-      return step == 0 || !in_space::AtRest(robot);
+      return step == 0 || !in_space::AtRest(robot, scene, slopes);
     };
     const bool moved =
         StepSemiImplicitEuler(y, free, in_space::kStep_s, slope, in_space::kAir_per_s);

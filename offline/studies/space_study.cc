@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <mutex>
 #include <numbers>
@@ -13,6 +14,8 @@
 #include "common/files/parallel_for.h"
 #include "common/files/toml_reader.h"
 #include "offline/certify/driven_motion.h"
+#include "offline/problem/purpose_gauge.h"
+#include "offline/problem/space_quantity.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/normal.h"
 #include "offline/studies/spread_names.h"
@@ -23,32 +26,49 @@ namespace {
 
 constexpr std::uint64_t kPushSeed = 0x9b1a615e;  // so that pushes say nothing of the robot
 
-/// A target, and when it is due.
+/// A target of the primitive, and when it is due.
 struct Due {
-  CostTerm term;
   PurposeTarget target;
+  SpaceQuantity quantity;  ///< None of the root's speed.
   double time_s = 0;
+
+  /// Whether what was asked for there is to last.
+  [[nodiscard]] bool lasts() const {
+    return target.when == PurposeTarget::When::kSettled ||
+           target.when == PurposeTarget::When::kLater;
+  }
+  [[nodiscard]] double ValueAt(const DrivenSample& at) const {
+    if (quantity.present()) return quantity.Value(at.q, at.qd, *at.axes);
+    double fastest = 0;  // of the root's rates
+    for (std::size_t i = 0; i < 6; ++i) fastest = std::max(fastest, std::abs(at.qd[i]));
+    return fastest;
+  }
 };
 
-std::vector<Due> TargetsOf(const Problem& problem) {
+/// @throws std::invalid_argument  about a purpose that is none of a robot in space.
+std::vector<Due> TargetsOf(const std::string& path, const PrimitiveFile& file,
+                           const Problem& problem) {
   std::vector<Due> due;
-  for (const CostTerm& term : problem.cost) {
-    if (!term.draws()) continue;
-    Due one{term, {}, problem.duration_s};
-    one.target.of = term.of();
-    one.target.target = term.target;
-    one.target.tolerance = term.tolerance;
-    one.target.link = term.quantity.link;
-    one.target.in_space = term.quantity.in_link;
-    one.target.along = term.quantity.direction;
-    if (term.when == CostTerm::When::kSettled) {
-      one.time_s += problem.settle_s;
-      one.target.when = PurposeTarget::When::kSettled;
-    } else if (term.when == CostTerm::When::kTime) {
-      one.time_s = one.target.time_s = term.time_s;
-      one.target.when = PurposeTarget::When::kTime;
+  for (const PurposeFigure& figure : file.purpose) {
+    SpaceQuantity quantity;
+    if (figure.is_in_space()) {
+      const auto of = static_cast<SpaceQuantity::Of>(
+          static_cast<int>(figure.of) - static_cast<int>(PurposeTarget::Of::kPosition));
+      try {
+        quantity = QuantityOfLink(problem.space->scene.robot, of, figure.link, figure.in_space,
+                                  figure.along);
+      } catch (const std::invalid_argument& error) {
+        throw std::invalid_argument(
+            fmt::format("{}: purpose: its link '{}' {}", path, figure.link, error.what()));
+      }
+    } else if (figure.of != PurposeTarget::Of::kSpeed) {
+      throw std::invalid_argument(fmt::format(
+          "{}: purpose: '{}' is of a robot in the plane; allowed in space: position, velocity, "
+          "angular_velocity, misalignment, speed",
+          path, PurposeTarget::kOfNames[Index(static_cast<int>(figure.of))]));
     }
-    due.push_back(std::move(one));
+    due.push_back(
+        {figure, std::move(quantity), DueTime(figure, problem.duration_s, problem.settle_s)});
   }
   return due;
 }
@@ -93,12 +113,17 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
     played.push = RootPush<Spatial>{from_s + (to_s - from_s) * random.DrawUniform(), kPushed_s,
                                     SpaceVector(cosine, sine, 0) * study.push_n};
   }
-  // Every target is judged at the last step before its time is over; what was settled is held.
+  // Every target is judged at the last step before its time is over; what is to last, at the end of
+  // the hold. A speed is the largest of the last moments before that.
   const auto judge = [&](const DrivenSample& at) {
     for (std::size_t i = 0; i < targets.size(); ++i) {
-      const bool held = study.hold_s > 0 && targets[i].target.when == PurposeTarget::When::kSettled;
-      if (held || at.time_s <= targets[i].time_s + 1e-9)
-        trial.purpose[i].result = targets[i].term.Value({at.q, at.qd, {}, at.axes});
+      const Due& due = targets[i];
+      const double until_s = due.lasts() && study.hold_s > 0 ? last_s + study.hold_s : due.time_s;
+      if (at.time_s > until_s + 1e-9) continue;
+      std::optional<double>& result = trial.purpose[i].result;
+      const bool speed = !due.quantity.present();
+      const bool watched = speed && at.time_s > until_s - kRestWatched_s && result;
+      result = watched ? std::max(*result, due.ValueAt(at)) : due.ValueAt(at);
     }
     return true;
   };
@@ -123,10 +148,15 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
   const PrimitiveFile file = LoadPrimitive(study.motion);
   const Task task = TaskOf(file, TaskSpaces::kPlaneAndSpace);
   const Problem& problem = task.problem;
-  const std::vector<in_space::Due> targets = in_space::TargetsOf(problem);
+  const std::vector<in_space::Due> targets = in_space::TargetsOf(study.motion, file, problem);
   if (targets.empty()) {
     throw std::invalid_argument(
-        fmt::format("{}: its task asks for nothing that a robot could meet or miss", study.motion));
+        fmt::format("{}: it is for nothing that a robot could meet or miss", study.motion));
+  }
+  if (study.push_n > 0 && std::ranges::none_of(targets, &in_space::Due::lasts)) {
+    throw std::invalid_argument(fmt::format(
+        "--push: nothing that {} is for is to last, so that no robot is judged after its push",
+        study.motion));
   }
   std::vector<double> x;
   for (const JointMotion<double>& motion : file.primitive.motions()) {

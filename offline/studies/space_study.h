@@ -52,8 +52,9 @@ struct SpaceStudyResult {
 };
 
 /// Plays a motion on robots that differ from the model, through drives that give way and on a bus
-/// that is as slow as its motors make it (PlayThroughDrivesInSpace), and judges each by the targets
-/// of the task's cost, at their own times. No protocol, no executor and no bus is simulated.
+/// that is as slow as its motors make it (PlayThroughDrivesInSpace), and judges each by the
+/// primitive's purpose, every target at its own time. No protocol, no executor and no bus is
+/// simulated.
 /// @throws std::invalid_argument  about a spread that robots in space do not have, or a task that
 /// asks for nothing.
 SpaceStudyResult RunSpaceStudy(const SpaceStudy& study);

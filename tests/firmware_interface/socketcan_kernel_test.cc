@@ -503,7 +503,7 @@ TEST(SocketCanBusInKernel, RefusesALongQueueWhereFramesCanWait) {
     can.Throttle(1000);
     const SocketCanBus::OpenResult result = bus.Open(can.name(), config);
     EXPECT_EQ(result.status, Status::kInvalidArgument);
-    EXPECT_THAT(result.message, HasSubstr("1000 frames, allowed: up to 32"));
+    EXPECT_THAT(result.message, HasSubstr("1000 frames, allowed: up to 48"));
     Open(bus, can.name());
   });
 }

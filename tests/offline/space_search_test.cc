@@ -168,6 +168,49 @@ TEST(SpaceStudy, JudgesRobotsByTheTaskAndTheModelIsAsAsked) {
   EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
 }
 
+TEST(SpaceStudy, JudgesWhatThePrimitiveIsForAndNothingThatNoPushCanChange) {
+  ASSERT_TRUE(TheResult().file);
+  const testing::TemporaryFolder folder;
+  PrimitiveFile file = *TheResult().file;
+  SpaceStudy study;
+  study.motion = (folder.path() / "shift.toml").string();
+  study.robots = 2;
+  study.scale = 0;
+  // It goes 3 cm lower. A purpose that says it stays is missed, whatever the task's cost asks for.
+  file.purpose[0].target = file.purpose[0].result = 0.3;
+  testing::WriteFile(study.motion, ToToml(file));
+  EXPECT_EQ(RunSpaceStudy(study).share().count, 0);
+  // Where nothing is to last, nobody would be judged after a push.
+  file = *TheResult().file;
+  for (PurposeFigure& figure : file.purpose) figure.when = PurposeTarget::When::kEnd;
+  testing::WriteFile(study.motion, ToToml(file));
+  study.push_n = 100;
+  study.hold_s = 2;
+  EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
+}
+
+TEST(SpacePrimitive, IsRefusedWithADirectionOfNoLengthOrAPitchBesideItsQuaternion) {
+  ASSERT_TRUE(TheResult().file);
+  PrimitiveFile file = *TheResult().file;
+  file.purpose[0].along = {0, 0, 0};
+  EXPECT_THROW(ToToml(file), std::exception);
+  file = *TheResult().file;
+  file.entry.root_pitch_rad = 1.5;
+  EXPECT_THROW(ToToml(file), std::exception);
+}
+
+TEST(SpaceScene, CreepsOnASlopeThatDryFrictionWouldHoldItOn) {
+  const std::string level = ShiftTask();
+  const std::string slope =
+      testing::Replaced(level, "normal = [0.0, 0.0, 1.0]", "normal = [-0.05, 0.0, 1.0]");
+  const Problem problem =
+      ParseTask(slope, "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
+                "solo8.urdf", TaskSpaces::kPlaneAndSpace)
+          .problem;
+  // It stands as the ground slopes.
+  EXPECT_NEAR(problem.space->start_orientation(2, 0), 0.05, 0.01);
+}
+
 TEST(SpacePage, ShowsTheMotionOfAPrimitive) {
   ASSERT_TRUE(TheResult().file);
   const TaskResult& result = TheResult();
