@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <random>
 #include <span>
 #include <stdexcept>
@@ -45,26 +46,34 @@ void SetRates(const std::array<double, 3>& rates, PrimitivePose& pose) {
   pose.root_pitch_rad_s = rates[2];
 }
 
-/// A rollout like those that the solver ended with.
-Rollout OnGrid(const Problem& problem, const StepGrid& grid) {
-  Rollout rollout(problem, problem.solver.step_s);
-  rollout.Use(grid);
-  return rollout;
-}
+/// Rollouts like those that the solver ended with for a motion, and with each step halved. In space
+/// it ends with equal steps, elsewhere with those that bound the error.
+class SolvedSteps {
+ public:
+  SolvedSteps(const Problem& problem, const std::vector<double>& x) : problem_(problem) {
+    if (!problem.space) grid_ = StepsFor(problem, x);
+  }
+  [[nodiscard]] Rollout AsSolved() const { return With(problem_.solver.step_s, grid_); }
+  [[nodiscard]] Rollout Finer() const {
+    return With(problem_.solver.step_s / 2, grid_ ? std::optional(Halved(*grid_)) : std::nullopt);
+  }
 
-/// The same for the motion with these parameters. In space the solver ends with equal steps.
-/// @param halved  whether each step is halved.
-Rollout AsSolved(const Problem& problem, const std::vector<double>& x, bool halved = false) {
-  if (problem.space) return {problem, problem.solver.step_s / (halved ? 2 : 1)};
-  const StepGrid grid = StepsFor(problem, x);
-  return OnGrid(problem, halved ? Halved(grid) : grid);
-}
+ private:
+  [[nodiscard]] Rollout With(double step_s, const std::optional<StepGrid>& grid) const {
+    Rollout rollout(problem_, step_s);
+    if (grid) rollout.Use(*grid);
+    return rollout;
+  }
+
+  const Problem& problem_;
+  std::optional<StepGrid> grid_;
+};
 
 /// Where a motion ends: the pitch [rad] of a root in the plane. In space the place [m] and the axes
 /// of its frame.
-std::vector<double> FinalRoot(const Problem& problem, const std::vector<double>& x, bool halved) {
+std::vector<double> FinalRoot(const Problem& problem, const std::vector<double>& x,
+                              Rollout rollout) {
   std::vector<double> root;
-  Rollout rollout = AsSolved(problem, x, halved);
   if (!problem.space) {
     rollout.Visit(x, 0, [&](const MotionSample& sample) {
       root = {RootPitchAt(sample.q, problem.scene.robot)};
@@ -198,15 +207,16 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
 
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
   const std::vector<double> at = BesideTheOptimum(x);
-  Rollout rollout = AsSolved(problem, at);
+  Rollout rollout = SolvedSteps(problem, at).AsSolved();
   return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
                          at, CostGradient(rollout, at));
 }
 
 double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x) {
   const std::vector<double> at = BesideTheOptimum(x);
-  Rollout rollout = AsSolved(problem, at);
-  Rollout finer = AsSolved(problem, at, true);
+  const SolvedSteps steps(problem, at);
+  Rollout rollout = steps.AsSolved();
+  Rollout finer = steps.Finer();
   const std::vector<double> gradient = CostGradient(rollout, at);
   const std::vector<double> reference = CostGradient(finer, at);
   double change = 0, scale = 0;
@@ -411,8 +421,9 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   if (const auto kkt = FinerKktResidual(problem, solution.x))
     certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);
-  certificate.step_halving_error_rad =
-      Apart(FinalRoot(problem, solution.x, false), FinalRoot(problem, solution.x, true));
+  const SolvedSteps steps(problem, solution.x);
+  certificate.step_halving_error_rad = Apart(FinalRoot(problem, solution.x, steps.AsSolved()),
+                                             FinalRoot(problem, solution.x, steps.Finer()));
   if (problem.target_pitch_rad)
     certificate.settled_pitch_error_rad = summary.settled_pitch_rad - *problem.target_pitch_rad;
   certificate.peak_torque_nm = summary.peak_torque_nm;

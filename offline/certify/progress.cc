@@ -39,6 +39,15 @@ void Progress::operator()(const Evaluation& e) {
                                  e.cost >= 1 ? ": they fall, or a limit is exceeded" : ""));
     return;
   }
+  if (problem_.space) {  // How many attempts it takes, and how long each, is not known.
+    line_.Show(e.global
+                   ? fmt::format("search  attempt {}  {:6d} evaluations  best rank {:.5g}",
+                                 e.start + 1, e.count, e.cost)
+                   : fmt::format("solve   attempt {}  evaluation {:4d}  cost {:.6g}  violation "
+                                 "{:.1e}",
+                                 e.start + 1, e.count, e.cost, e.violation));
+    return;
+  }
   const double elapsed = std::chrono::duration<double>(spent_[stage]).count();
   // The counts are those of a search that needs no other candidate; one that does goes on beyond,
   // and nothing is known of how long.

@@ -57,7 +57,8 @@ const char* GradientCause(const Certificate& certificate) {
 
 /// Prints targets and results beside each other, and warns of a limit that only the finer step
 /// shows to be exceeded.
-void PrintSecondLook(std::FILE* people, const SecondLook& look) {
+/// @param in_space  whether it is of a robot in space.
+void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space) {
   fmt::print(people, "  with a step of {:.3g} ms: peak torque {:.2f} N m, penetration {:.2f} mm\n",
              1e3 * look.step_s, look.peak_torque_nm, 1e3 * look.peak_penetration_m);
   if (!look.self_clearance_of.empty()) {
@@ -79,8 +80,8 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
         people,
         "  stays until {} s after the end through drives of {} N m/rad and {} N m s/rad, on floors "
         "that slope by {} mrad to either side, and from starts that lean by {} mrad\n",
-        kStays_s, look.drives->kp_nm_per_rad, look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad,
-        1e3 * kLean_rad);
+        in_space ? kStaysInSpace_s : kStays_s, look.drives->kp_nm_per_rad,
+        look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad, 1e3 * kLean_rad);
   } else {
     fmt::print(people,
                "  not played through drives, which give way: that is done with what is to end at "
@@ -191,7 +192,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
              FormatCertificate(format.c_str(), c, result.problem().contact().d_on_m));
   for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
     fmt::print(people, "  {} {}\n", name, value);
-  PrintSecondLook(people, result.look);
+  PrintSecondLook(people, result.look, result.problem().space.has_value());
   PrintDamping(people, result);
   PrintMinimum(people, result);
   if (c.gradient_error > kDoubtfulGradient) {

@@ -116,13 +116,4 @@ SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>&
   return page;
 }
 
-std::vector<double> ParametersOf(const Problem& problem, const Primitive<double>& primitive) {
-  std::vector<double> x;
-  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const std::span<const double> points = primitive.joints[j].position.control_points();
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
-  }
-  return x;
-}
-
 }  // namespace tumbler

@@ -14,8 +14,4 @@ namespace tumbler {
 SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>& x,
                                     const PrimitiveFile& file);
 
-/// The parameters of a primitive's paths.
-/// @pre the task is that of the primitive.
-std::vector<double> ParametersOf(const Problem& problem, const Primitive<double>& primitive);
-
 }  // namespace tumbler

@@ -362,4 +362,13 @@ void CheckGuess(const Task& task) {
                   "is for a task with a guess; name a primitive with --guess, or leave it out");
 }
 
+std::vector<double> ParametersOf(const Primitive<double>& primitive) {
+  std::vector<double> x;
+  for (const JointMotion<double>& motion : primitive.motions()) {
+    const std::span<const double> points = motion.position.control_points();
+    x.insert(x.end(), points.begin() + 3, points.end() - 3);
+  }
+  return x;
+}
+
 }  // namespace tumbler

@@ -54,4 +54,8 @@ void TakeComplement(Task& task, const PrimitiveFile& file, const std::string& fi
 /// @throws FileError  where a task that says what to take of a guess has none.
 void CheckGuess(const Task& task);
 
+/// The parameters of a primitive's own task at its paths: the control points that are free.
+/// @pre the joints' paths are all that the task leaves free.
+std::vector<double> ParametersOf(const Primitive<double>& primitive);
+
 }  // namespace tumbler

@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 
 #include "common/core/functions.h"
@@ -18,6 +19,7 @@
 #include "offline/problem/space_quantity.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/normal.h"
+#include "offline/solve/guess.h"
 #include "offline/studies/spread_names.h"
 
 namespace tumbler {
@@ -158,11 +160,7 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
         "--push: nothing that {} is for is to last, so that no robot is judged after its push",
         study.motion));
   }
-  std::vector<double> x;
-  for (const JointMotion<double>& motion : file.primitive.motions()) {
-    const std::span<const double> points = motion.position.control_points();
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
-  }
+  const std::vector<double> x = ParametersOf(file.primitive);
   SpaceStudyResult result{study, file.drives.value_or(problem.drive_gains()), {}};
   std::vector<SpaceTrial> trials(Index(study.robots));
   std::vector<char> played(trials.size(), 0);
@@ -202,7 +200,8 @@ std::vector<std::pair<std::string, int>> SpaceStudyResult::Missed() const {
 bool IsMotionInSpace(const std::string& path) {
   TomlTable root = TomlTable::ParseFile(path);
   if (!root.Has("format") || root.String("format") != "tumbler-primitive") return false;
-  return LoadPrimitive(path).entry.is_in_space();
+  std::optional<TomlTable> entry = root.OptionalTable("entry");
+  return entry && entry->Has("root_quaternion");
 }
 
 std::string ToText(const SpaceStudyResult& result) {

@@ -14,6 +14,7 @@
 #include "offline/pages/space_motion.h"
 #include "offline/problem/space_task.h"
 #include "offline/problem/task_toml.h"
+#include "offline/solve/guess.h"
 #include "offline/studies/space_study.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -130,7 +131,7 @@ TEST(SpacePrimitive, KeepsWhereItsRootIsAndWhatItIsForThroughItsFile) {
   EXPECT_EQ(read.purpose[1].along, (std::array<double, 3>{0, 0, 1}));
   const Task task = TaskOf(read, TaskSpaces::kPlaneAndSpace);
   EXPECT_NEAR(task.problem.start_q[2], file.entry.root_z_m, 1e-12);
-  EXPECT_THAT(ParametersOf(task.problem, read.primitive),
+  EXPECT_THAT(ParametersOf(read.primitive),
               ::testing::Pointwise(::testing::DoubleEq(), TheResult().best.x));
   EXPECT_THROW(TaskOf(read), FileError);  // A caller who takes the plane alone.
 }

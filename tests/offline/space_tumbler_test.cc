@@ -14,6 +14,7 @@
 #include "offline/scene/root_chart.h"
 #include "offline/scene/stepper.h"
 #include "offline/scene/variation.h"
+#include "offline/solve/guess.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -28,7 +29,7 @@ const PrimitiveFile& TheHandstand() {
 }
 
 /// The task of the shipped handstand for a robot in space.
-/// @param stiffness  and damping of the ground, as parts of the plane's.
+/// @param ground  its stiffness and damping, as parts of the plane's.
 std::string HandstandTask(double ground) {
   const Primitive<double>& primitive = TheHandstand().primitive;
   return "format = \"tumbler-task\"\nversion = 1\nname = \"handstand\"\nrobot = \"tumbler.urdf\"\n"
@@ -77,13 +78,10 @@ Problem Handstand(const std::string& robot, double ground) {
 
 /// How far a robot is from its handstand after 3 s, as 2 sin(angle / 2).
 double PlayedMisalignment(const Problem& problem, const PlayedRobot<Spatial>& played) {
-  std::vector<double> x;
+  const std::vector<double> x = ParametersOf(TheHandstand().primitive);
   std::vector<JointMotion<double>::Spline> feed_forward;
-  for (const JointMotion<double>& motion : TheHandstand().primitive.motions()) {
-    const std::span<const double> points = motion.position.control_points();
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
+  for (const JointMotion<double>& motion : TheHandstand().primitive.motions())
     feed_forward.push_back(motion.torque);
-  }
   double last = 2;
   const bool plausible = PlayThroughDrivesInSpace(
       problem, x, feed_forward, played, problem.duration_s + 3, [&](const DrivenSample& at) {
