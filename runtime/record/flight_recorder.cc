@@ -10,6 +10,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstring>
+#include <filesystem>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -44,12 +45,9 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
     descriptor =
         open(config.file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0644);
     if (descriptor < 0) {
-      throw std::runtime_error(
-          errno == EEXIST
-              ? fmt::format("{}: exists, and a record is never overwritten: name another file, or "
-                            "remove it",
-                            config.file)
-              : fmt::format("{}: cannot be written: {}", config.file, LastError()));
+      const std::string error = LastError();
+      RequireNewRecord(config.file);
+      throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.file, error));
     }
     AppendRecordHeader(chunk);
     chunk.insert(chunk.end(), config.configuration.begin(), config.configuration.end());
@@ -231,6 +229,13 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   std::optional<std::string> outcome;  // of the run, where the record is to be completed
   bool done = false;
 };
+
+void RequireNewRecord(const std::string& file) {
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return;
+  throw std::runtime_error(fmt::format(
+      "{}: exists, and a record is never overwritten: name another file, or remove it", file));
+}
 
 FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)
     : implementation_(std::make_shared<Implementation>(config)) {}

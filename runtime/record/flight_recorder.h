@@ -27,6 +27,10 @@ struct FlightRecorderConfig {
   std::function<void(const std::string&)> say;
 };
 
+/// @throws std::runtime_error  naming the file, when it is there already: a record is never
+/// overwritten.
+void RequireNewRecord(const std::string& file);
+
 /// Writes every tick of a control loop into one file. Whatever happens to the process, the file is
 /// whole up to the last block written. docs/formats.md has the format.
 ///

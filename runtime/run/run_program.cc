@@ -145,6 +145,7 @@ void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
   CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth,
                          options.pose_file});
   CheckResult(options.json);
+  if (!options.record.empty()) RequireNewRecord(options.record);
 }
 
 /// The number of the branch that --branch names; -1 without one.

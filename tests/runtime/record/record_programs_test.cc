@@ -221,10 +221,12 @@ TEST_F(RecordPrograms, AFullDiskEndsTheRecordingAndNotTheRun) {
 
 TEST_F(RecordPrograms, AnExistingRecordIsKeptAndNothingIsRun) {
   std::ofstream(record_) << "precious";
-  const Outcome run = Record();
+  const Outcome run = Record("--csv " + (folder_ / "a.csv") + " --log " + (folder_ / "a.lcm"));
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(run.text, HasSubstr("exists, and a record is never overwritten"));
   EXPECT_EQ(ReadFile(record_), "precious");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "a.csv")) << "no other file is begun";
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "a.lcm"));
 }
 
 TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
