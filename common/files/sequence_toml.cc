@@ -98,6 +98,15 @@ class SequenceReader {
                              j, named, b.joints[j].name.view(), file_.primitive_names.front(),
                              a.joints[j].name.view()));
     }
+    if (first.entry.is_in_space() != other.entry.is_in_space()) {
+      const auto space = [](const PrimitiveFile& file) {
+        return file.entry.is_in_space() ? "in space" : "in the plane";
+      };
+      table.Fail(name,
+                 fmt::format("'{}' is of a robot {}, '{}' of one {}; all primitives of a "
+                             "sequence move the robot in the same space",
+                             named, space(other), file_.primitive_names.front(), space(first)));
+    }
     if (first.provenance.robot_hash != other.provenance.robot_hash) {
       table.Fail(name, fmt::format("'{}' was made for another robot ({}) than '{}' ({}); make it "
                                    "again with the same URDF",
@@ -106,12 +115,18 @@ class SequenceReader {
     }
   }
 
+  void RefuseInSpace(const char* key, const char* what) const {
+    if (!file_.primitives.front().entry.is_in_space()) return;
+    root_.Fail(key, fmt::format("{}, and is for robots in the plane so far; leave it out", what));
+  }
+
   void ReadSwap() {
     Graph& graph = file_.graph;
     for (std::size_t j = 0; j < graph.partner.size(); ++j)
       graph.partner[j] = static_cast<std::uint8_t>(j);
     std::optional<TomlTable> table = root_.OptionalTable("swap");
     if (!table) return;
+    RefuseInSpace("swap", "turns the root by a pitch");
     has_swap_ = true;
     ReadKeys(*table, kSwapKeys, file_);
   }
@@ -279,6 +294,7 @@ class SequenceReader {
   void ReadBegin() {
     std::optional<TomlTable> table = root_.OptionalTable("begin");
     if (!table) return;
+    RefuseInSpace("begin", "tells poses apart by a pitch");
     ReadKeys(*table, kBeginKeys, file_);
     Graph& graph = file_.graph;
     graph.beginning_within_rad = file_.begin_within_rad;

@@ -77,12 +77,16 @@ struct JoinComparison {
 
 /// An angle less whole turns, within -pi ... pi.
 double NearestTurn(double angle_rad);
+/// The angle between two unit vectors whose ends are so far apart [rad].
+double AngleOfChord(double chord);
 
 /// Compares everything that has to agree at every edge, in the order of edges: position, velocity
 /// and acceleration of each joint of the robot, by the coefficients of both splines; height and
 /// pitch of the root, and where there are any its velocities and the positions of joints without a
 /// motor, by the simulated exit of one primitive and the entry of the next. Where the edge holds,
 /// both splines have to be at rest. The position along x is not compared, since a sequence walks.
+/// In space what is vertical in the root's frame takes the place of the pitch; heading and level
+/// position are not compared.
 std::vector<JoinComparison> CompareJoins(const SequenceFile& file);
 
 /// One line of text: names, quantity, both values, how far apart they are, what is allowed.

@@ -113,6 +113,18 @@ void PrintDamping(std::FILE* people, const TaskResult& result) {
              1e3 * damping.AdvisedPeriod(), 1e3 * kTwinStep_s);
 }
 
+/// Warns of steps that contact does not bear somewhere on the motion, though it does at its ends.
+void PrintSteps(std::FILE* people, const TaskResult& result) {
+  const double step_s = result.problem().solver.step_s;
+  if (!(step_s > 1.001 * result.steps.step_s)) return;
+  fmt::print(people,
+             "  warning: the solver's steps are {:.3g} ms, and with the pose at {:.3g} s contact "
+             "allows {:.3g} ms: give solver.step_s that, or look at the figures of the step of "
+             "{:.3g} ms\n",
+             1e3 * step_s, result.steps.time_s, 1e3 * result.steps.step_s,
+             1e3 * result.look.step_s);
+}
+
 /// Prints how far the motion is from a minimum, and what holds it there.
 void PrintMinimum(std::FILE* people, const TaskResult& result) {
   const KktResidual& kkt = result.best.kkt;
@@ -194,6 +206,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
     fmt::print(people, "  {} {}\n", name, value);
   PrintSecondLook(people, result.look, result.problem().space.has_value());
   PrintDamping(people, result);
+  PrintSteps(people, result);
   PrintMinimum(people, result);
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(

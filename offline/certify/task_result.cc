@@ -206,6 +206,8 @@ void MakeFile(TaskResult& result, Looks& looks) {
     const std::vector<double> kd(result.problem().joints.size(),
                                  result.problem().drive_gains().kd_nm_s_per_rad);
     result.damping = DampingOf(result.problem(), file.primitive, kd);
+    result.steps = ContactStepsOf(result.problem(), file.primitive, result.problem().contact(),
+                                  JointMoves::kByPath);
     result.file = std::move(file);
     return;
   }

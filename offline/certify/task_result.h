@@ -10,6 +10,7 @@
 #include "common/files/primitive_toml.h"
 #include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
+#include "offline/problem/contact_steps.h"
 #include "offline/problem/damped_motion.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/minima.h"
@@ -32,6 +33,7 @@ struct TaskResult {
   std::vector<std::string> minima_objections;
   std::optional<PrimitiveFile> file;
   DampedMotion damping;  ///< Of the file's motion, with the task's gains.
+  ContactSteps steps;    ///< That contact allows on the file's motion, with joints on their paths.
   double wall_s = 0;
   double cpu_s = 0;
   double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "offline/pages/report.h"
+#include "offline/pages/space_page.h"
 #include "runtime/executor/tick.h"
 
 namespace tumbler {
@@ -56,6 +57,16 @@ struct RunLatency {
   [[nodiscard]] std::int64_t PercentileNs(double share) const;
 };
 
+/// A run of a robot in space, as pages show it.
+struct SpaceRun {
+  std::vector<SpaceBody> bodies;
+  std::vector<Obstacle<Spatial>> obstacles;
+  std::vector<int> joint_hues;  ///< Of each joint's limb.
+  /// True, or of the measured joints and a root that stays where the motion begins.
+  std::vector<SpaceFrame> frames;
+  bool true_root = false;
+};
+
 /// The data of a run for the page, with every tick; or of a primitive, which has only a plan.
 ///
 /// Time 0 is where the first motion begins (state running), so that runs can be laid over each
@@ -81,6 +92,9 @@ struct RunData {
   /// The true motion of the simulated robot; empty where it is not known.
   std::vector<ReportSample> truth;
   std::vector<std::string> passive_names;  ///< Of the joints without a motor, in samples' order.
+  /// Of a robot in space. Then the scene has the names of joints alone, and there is neither plan
+  /// nor truth.
+  std::optional<SpaceRun> space;
 
   [[nodiscard]] std::size_t joint_count() const { return scene.joint_names.size(); }
   [[nodiscard]] const JointRecord& joint(std::size_t tick, std::size_t joint) const {

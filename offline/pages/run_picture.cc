@@ -121,13 +121,47 @@ SceneTriangles DrawObstacle(ReportObstacle obstacle) {
   return Extrude(RoundedOutline(obstacle));
 }
 
+/// The part of a half-space's surface around the origin, or the sides of a box around a solid.
+SceneTriangles DrawObstacle(const Shape<Spatial>& shape) {
+  constexpr double kHalfSide_m = 2;
+  SceneTriangles triangles;
+  triangles.color = kGroundColor;
+  const auto add = [&triangles](const SpaceVector& p) { triangles.points_m.push_back(ToArray(p)); };
+  const auto add_side = [&add](const SpaceVector& middle, const SpaceVector& s,
+                               const SpaceVector& t) {
+    for (const auto& [i, j] : {std::pair(-1.0, -1.0), {1, -1}, {1, 1}, {-1, -1}, {1, 1}, {-1, 1}})
+      add(middle + s * i + t * j);
+  };
+  if (shape.half_space) {
+    const SpaceVector& n = shape.normal;
+    const SpaceVector other = std::abs(n.x()) < 0.9 ? SpaceVector::UnitX() : SpaceVector::UnitY();
+    const SpaceVector t = n.cross(other).normalized();
+    // Below the origin, where that is not far away.
+    const SpaceVector middle = n * shape.centre.dot(n);
+    add_side(middle, t.cross(n) * kHalfSide_m, t * kHalfSide_m);
+    return triangles;
+  }
+  std::array<SpaceVector, 3> half;
+  for (int i = 0; i < 3; ++i)
+    half[static_cast<std::size_t>(i)] =
+        shape.rotation * SpaceVector::Unit(i) * (shape.half_extents[i] + shape.radius_m);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const SpaceVector &a = half[(i + 1) % 3], &b = half[(i + 2) % 3];
+    add_side(shape.centre + half[i], a, b);
+    add_side(shape.centre - half[i], b, a);
+  }
+  return triangles;
+}
+
 RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string>& joints) {
-  const SimulatedMotion simulated(motion);
+  const SimulatedMotion simulated(motion, TaskSpaces::kPlaneAndSpace);
   const Problem& problem = simulated.ProblemOf(0);
-  const bool fixed = problem.scene.robot.root_dofs == 0;
-  const Robot robot = ParseRobot(motion.primitives.front().provenance.robot_urdf,
-                                 motion.primitives.front().provenance.robot_file,
-                                 problem.scene.robot.root, PositionsOf(problem.scene.robot.locked));
+  const bool fixed = !problem.space && problem.scene.robot.root_dofs == 0;
+  const Robot robot = ParseRobot(
+      motion.primitives.front().provenance.robot_urdf,
+      motion.primitives.front().provenance.robot_file,
+      problem.space ? RootKind::kFloating : problem.scene.robot.root,
+      PositionsOf(problem.space ? problem.space->scene.robot.locked : problem.scene.robot.locked));
   RobotPicture picture;
   picture.fixed_root = fixed;
   for (const PassiveJoint& joint : problem.scene.robot.passive) {
@@ -157,6 +191,11 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
   }
   AddShapes(robot.visual_shapes, kVisualOpacity, -root_body, picture);
   AddShapes(robot.collision_shapes, 1, -root_body, picture);
+  if (problem.space) {
+    for (const Obstacle<Spatial>& obstacle : problem.space->scene.obstacles)
+      picture.ground.push_back(DrawObstacle(obstacle.shape));
+    return picture;
+  }
   const ReportData scene = ReportScene(problem);
   for (const ReportObstacle& obstacle : scene.obstacles)
     picture.ground.push_back(DrawObstacle(obstacle));

@@ -12,7 +12,9 @@
 #include "offline/pages/run_events.h"
 #include "offline/pages/run_facts.h"
 #include "offline/pages/run_plan.h"
+#include "offline/pages/space_poses.h"
 #include "offline/pages/truth.h"
+#include "offline/problem/task_toml.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/message_readers.h"
 #include "runtime/record/recorded_assembly.h"
@@ -31,12 +33,10 @@ class RunReader {
         motion_(LoadMotion(configuration_.motion_file,
                            [this](const std::string& path) { return TextOf(path); })),
         assembly_(Assemble(configuration_)),
-        paths_(motion_),
         events_(motion_.graph, configuration_.joints, ErrorCodesOf(assembly_.parts().drives)) {
     run_.name = record.name();
     run_.recorded = true;
-    run_.scene = paths_.scene();
-    run_.passive_names = paths_.passive_names();
+    FindRobot();
     run_.robot_hash = motion_.primitives.front().provenance.robot_hash;
     run_.period_s = Seconds(configuration_.period_ns);
     if (run_.scene.joint_names != configuration_.joints) {
@@ -55,7 +55,7 @@ class RunReader {
     ReadTicks();
     if (!truth_log.empty()) TakeTruthLog(truth_log);
     ReadTruths();
-    AddPlan(run_, paths_, motion_.graph.start);
+    if (paths_) AddPlan(run_, *paths_, motion_.graph.start);
     for (RunLatency& latency : run_.latencies) {
       std::sort(latency.values_ns.begin(), latency.values_ns.end());
     }
@@ -71,6 +71,31 @@ class RunReader {
       if (file.path == path) return file.text;
     }
     throw RecordError(fmt::format("{}: '{}' is not among its files", run_.name, path));
+  }
+
+  void FindRobot() {
+    const PrimitiveFile& first = motion_.primitives.front();
+    if (!first.entry.is_in_space()) {
+      paths_.emplace(motion_);
+      run_.scene = paths_->scene();
+      run_.passive_names = paths_->passive_names();
+      return;
+    }
+    const Problem problem = TaskOf(first, TaskSpaces::kPlaneAndSpace).problem;
+    const SpaceScene& scene = problem.space->scene;
+    run_.space.emplace();
+    run_.space->bodies = BodiesOf(scene.robot);
+    run_.space->obstacles = scene.obstacles;
+    for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
+      const std::size_t dof = scene.robot.DofOfJoint(j);
+      run_.scene.joint_names.push_back(scene.robot.tree.dofs[dof].name);
+      run_.space->joint_hues.push_back(HueOf(scene.robot, static_cast<int>(dof)));
+    }
+    poses_.emplace(scene.robot);
+    const PrimitivePose& entry = motion_.PrimitiveOf(motion_.graph.start).entry;
+    entry_ = {{entry.root_x_m, entry.root_y_m, entry.root_z_m},
+              entry.root_quaternion,
+              entry.joint_positions_rad};
   }
 
   void FindZero() {
@@ -99,7 +124,7 @@ class RunReader {
 
   void KeepTruths() {
     for (const auto& bytes : record_.truths()) {
-      truth_t& truth = truths_.emplace_back();
+      space_truth_t& truth = truths_.emplace_back();
       if (!ReadMessage(bytes, truth)) {
         throw RecordError(
             fmt::format("{}: the true state of the robot in it is of another version", run_.name));
@@ -167,8 +192,9 @@ class RunReader {
   void TakeTruthLog(const std::string& path) {
     truths_.clear();
     for (LoggedTruth& logged : ReadTruthLog(path)) {
-      logged.truth.time_ns = (logged.utime_us - configuration_.utime_at_zero_us) * 1000;
-      const double t = Seconds(logged.truth.time_ns - zero_ns_);
+      std::int64_t& time_ns = logged.truth.truth.time_ns;
+      time_ns = (logged.utime_us - configuration_.utime_at_zero_us) * 1000;
+      const double t = Seconds(time_ns - zero_ns_);
       if (t < run_.ticks.front().time_s - 1 || t > run_.ticks.back().time_s + 1) continue;
       truths_.push_back(std::move(logged.truth));
     }
@@ -178,9 +204,17 @@ class RunReader {
   }
 
   void ReadTruths() {
-    for (const truth_t& truth : truths_) {
+    std::optional<double> before_s;
+    for (const space_truth_t& state : truths_) {
+      const truth_t& truth = state.truth;
       const double t = Seconds(truth.time_ns - zero_ns_);
-      if (!run_.truth.empty() && t <= run_.truth.back().time_s) continue;
+      if (before_s && t <= *before_s) continue;
+      before_s = t;
+      if (IsInSpace(state) != run_.space.has_value()) {
+        throw RecordError(fmt::format("{}: its truth is of a robot {}, and its motion of one {}",
+                                      run_.name, IsInSpace(state) ? "in space" : "in the plane",
+                                      run_.space ? "in space" : "in the plane"));
+      }
       std::vector<double> position, velocity, torque;
       for (const std::string& name : configuration_.joints) {
         const auto joint = std::find_if(truth.joints.begin(), truth.joints.end(),
@@ -192,29 +226,52 @@ class RunReader {
         velocity.push_back(joint->velocity_rad_s);
         torque.push_back(joint->torque_nm);
       }
-      ReportSample sample = paths_.Pose({truth.root_x_m, truth.root_z_m, truth.root_pitch_rad},
-                                        position, PassiveOf(truth, paths_.passive_names()));
+      events_.TakeTruth(t, truth);
+      if (run_.space) {
+        SpacePosture posture{{truth.root_x_m, state.root_y_m, truth.root_z_m}, {}, position};
+        std::ranges::copy(state.root_quaternion, posture.root_quaternion.begin());
+        run_.space->frames.push_back({t, poses_->At(posture), {}});
+        run_.space->true_root = true;
+        continue;
+      }
+      ReportSample sample = paths_->Pose({truth.root_x_m, truth.root_z_m, truth.root_pitch_rad},
+                                         position, PassiveOf(truth, paths_->passive_names()));
       sample.time_s = t;
       sample.joint_velocities_rad_s = velocity;
       sample.joint_torques_nm = torque;
       run_.truth.push_back(std::move(sample));
-      events_.TakeTruth(t, truth);
     }
     truths_.clear();
+    if (run_.space && run_.space->frames.empty()) TakeMeasured();
+  }
+
+  /// Frames of the measured joints alone, where nothing tells where the root was.
+  void TakeMeasured() {
+    SpacePosture posture = entry_;
+    for (std::size_t i = 0; i < run_.ticks.size(); ++i) {
+      for (std::size_t j = 0; j < run_.joint_count(); ++j) {
+        const JointRecord& joint = run_.joint(i, j);
+        if (joint.reply_age_ticks >= 0)
+          posture.joints_rad[j] = static_cast<double>(joint.measured.position_rad);
+      }
+      run_.space->frames.push_back({run_.ticks[i].time_s, poses_->At(posture), {}});
+    }
   }
 
   FlightRecord& record_;
   const RecordConfiguration& configuration_;
   SequenceFile motion_;
   Assembly assembly_;
-  RobotPaths paths_;
+  std::optional<RobotPaths> paths_;  // in the plane
+  std::optional<SpacePoses> poses_;  // in space
+  SpacePosture entry_;               // likewise
   RunEvents events_;
   RunData run_;
   std::int64_t zero_ns_ = 0;
   std::int64_t index_before_ = 0;
   std::int64_t send_before_ns_ = 0;
   bool in_band_ = false;
-  std::vector<truth_t> truths_;
+  std::vector<space_truth_t> truths_;
 };
 
 }  // namespace

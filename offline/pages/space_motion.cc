@@ -9,34 +9,12 @@
 
 #include "common/core/index.h"
 #include "offline/certify/certificate.h"
+#include "offline/pages/space_poses.h"
 
 namespace tumbler {
 namespace {
 
 constexpr double kFrame_s = 1.0 / 60;
-
-/// A colour for each limb: what hangs on the root by one of its joints.
-int HueOf(const SpaceRobot& robot, int body) {
-  int limb = 0;
-  std::vector<int> of(robot.tree.dofs.size(), -1);
-  for (std::size_t j = Index(robot.root_dofs); j < of.size(); ++j) {
-    const int parent = robot.tree.dofs[j].parent;
-    of[j] = parent < robot.root_dofs ? limb++ % 8 : of[Index(parent)];
-  }
-  return of[Index(body)];
-}
-
-std::vector<SpaceBody> BodiesOf(const SpaceRobot& robot) {
-  std::vector<SpaceBody> bodies;
-  for (int body = robot.first_body(); body < static_cast<int>(robot.tree.dofs.size()); ++body) {
-    SpaceBody shown{robot.body_names[Index(body)], {}, HueOf(robot, body)};
-    for (const SpaceOwnShape& own : robot.own_shapes) {
-      if (own.body == body) shown.shapes.push_back(own.shape);
-    }
-    bodies.push_back(std::move(shown));
-  }
-  return bodies;
-}
 
 SpaceFrame FrameOf(const SpaceSample& sample, const SpaceRobot& robot) {
   SpaceFrame frame;

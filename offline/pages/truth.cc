@@ -44,7 +44,8 @@ std::vector<LoggedTruth> ReadTruthLog(const std::string& path) {
     logged.utime_us = event.timestamp;
     const auto* bytes = static_cast<const std::uint8_t*>(event.data);
     if (!ReadMessage({bytes, static_cast<std::size_t>(event.datalen)}, logged.truth)) {
-      fail(fmt::format("event {} is no message truth_t of this version", event.eventnum));
+      fail(fmt::format("event {} is no message truth_t or space_truth_t of this version",
+                       event.eventnum));
     }
     truths.push_back(std::move(logged));
   });

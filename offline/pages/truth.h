@@ -4,14 +4,14 @@
 #include <string>
 #include <vector>
 
-#include <tumbler/truth_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 
 namespace tumbler {
 
-/// A message truth_t, and the time at which it was logged.
+/// A message truth_t or space_truth_t, and the time at which it was logged.
 struct LoggedTruth {
   std::int64_t utime_us = 0;  ///< Since 1970, or since the start of a run in virtual time.
-  truth_t truth;
+  space_truth_t truth;
 };
 
 /// All messages of an LCM log on channel TUMBLER_TRUTH.

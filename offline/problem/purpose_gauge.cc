@@ -1,5 +1,7 @@
 #include "offline/problem/purpose_gauge.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -20,7 +22,25 @@ PurposeGauge::PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot
   }
 }
 
-double PurposeGauge::At(std::span<const double> q, std::span<const double> qd) const {
+PurposeGauge::PurposeGauge(const PurposeTarget& target, const SpaceRobot& robot)
+    : of_(target.of), root_dofs_(Index(robot.root_dofs)) {
+  if (!target.is_in_space()) {
+    if (of_ != PurposeTarget::Of::kSpeed)
+      obstacle_ = "it is of a robot in the plane, and this one is in space";
+    return;
+  }
+  const auto of = static_cast<SpaceQuantity::Of>(static_cast<int>(of_) -
+                                                 static_cast<int>(PurposeTarget::Of::kPosition));
+  try {
+    quantity_ = QuantityOfLink(robot, of, target.link, target.in_space, target.along);
+  } catch (const std::invalid_argument& error) {
+    obstacle_ = fmt::format("its link '{}' {}", target.link, error.what());
+  }
+}
+
+double PurposeGauge::At(std::span<const double> q, std::span<const double> qd,
+                        const SpaceMatrix& axes) const {
+  if (quantity_.present()) return quantity_.Value(q, qd, axes);
   const auto root = [this](std::span<const double> of, std::size_t dof) {
     return dof < root_dofs_ ? of[dof] : 0.0;
   };
@@ -37,8 +57,11 @@ double PurposeGauge::At(std::span<const double> q, std::span<const double> qd) c
       return root(qd, 1);
     case PurposeTarget::Of::kPitchRate:
       return root(qd, 2);
-    case PurposeTarget::Of::kSpeed:
-      return std::max({std::abs(root(qd, 0)), std::abs(root(qd, 1)), std::abs(root(qd, 2))});
+    case PurposeTarget::Of::kSpeed: {
+      double fastest = 0;
+      for (std::size_t i = 0; i < root_dofs_; ++i) fastest = std::max(fastest, std::abs(qd[i]));
+      return fastest;
+    }
     case PurposeTarget::Of::kPointX:
       return point_.Value(LinkPoint::Axis::kX, false, q, qd);
     case PurposeTarget::Of::kPointZ:

@@ -8,13 +8,13 @@
 
 namespace tumbler {
 
-SimulatedMotion::SimulatedMotion(SequenceFile file)
-    : file_(std::move(file)), problems_(file_.primitives.size()) {}
+SimulatedMotion::SimulatedMotion(SequenceFile file, TaskSpaces takes)
+    : file_(std::move(file)), takes_(takes), problems_(file_.primitives.size()) {}
 
 const Problem& SimulatedMotion::ProblemOf(std::size_t primitive) const {
   std::shared_ptr<const Problem>& problem = problems_[primitive];
   if (problem == nullptr)
-    problem = std::make_shared<const Problem>(TaskOf(file_.primitives[primitive]).problem);
+    problem = std::make_shared<const Problem>(TaskOf(file_.primitives[primitive], takes_).problem);
   return *problem;
 }
 
@@ -32,7 +32,17 @@ SimulatedMotion SimulatedMotion::Alone(int node) const {
 void RequireOneRobot(const SimulatedMotion& motion) {
   const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    if (SameJoints(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
+    const Problem &first = motion.ProblemOf(0), &other = motion.ProblemOf(i);
+    if (first.space.has_value() != other.space.has_value()) {
+      throw FileError(
+          file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
+          fmt::format("is of a robot {}, and '{}' of one {}; allowed: all of one kind",
+                      other.space ? "in space" : "in the plane", file.primitive_names.front(),
+                      first.space ? "in space" : "in the plane"));
+    }
+    if (first.space ? SameJoints(first.space->scene, other.space->scene)
+                    : SameJoints(first.scene, other.scene))
+      continue;
     throw FileError(
         file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
         fmt::format("was made for other [motor] or [passive], or damping of joints, or locked "

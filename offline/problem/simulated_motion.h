@@ -6,6 +6,7 @@
 
 #include "common/files/sequence_toml.h"
 #include "offline/problem/problem.h"
+#include "offline/problem/task_toml.h"
 
 namespace tumbler {
 
@@ -16,7 +17,9 @@ namespace tumbler {
 /// Not thread-safe.
 class SimulatedMotion {
  public:
-  explicit SimulatedMotion(SequenceFile file);
+  /// @param takes  whether its robot may be one in space. Then `scene` is empty, and the problem's
+  ///               `space` has the scene.
+  explicit SimulatedMotion(SequenceFile file, TaskSpaces takes = TaskSpaces::kPlane);
 
   [[nodiscard]] const SequenceFile& file() const { return file_; }
 
@@ -25,20 +28,23 @@ class SimulatedMotion {
   [[nodiscard]] const Problem& ProblemOf(std::size_t primitive) const;
   /// The problem of the primitive that a node plays.
   [[nodiscard]] const Problem& ProblemAt(int node) const;
+  /// The problem of the primitive with which the motion starts.
+  [[nodiscard]] const Problem& problem() const { return ProblemAt(file_.graph.start); }
   /// The scene in which the motion starts.
-  [[nodiscard]] const Scene& scene() const { return ProblemAt(file_.graph.start).scene; }
+  [[nodiscard]] const Scene& scene() const { return problem().scene; }
 
   /// The motion of one node, and nothing after it.
   [[nodiscard]] SimulatedMotion Alone(int node) const;
 
  private:
   SequenceFile file_;
+  TaskSpaces takes_;
   mutable std::vector<std::shared_ptr<const Problem>> problems_;  // by primitive; null: not yet
 };
 
 /// What is simulated is one robot, whatever its motions were made with.
-/// @throws FileError when primitives were made for other [motor] or [passive] than the first, or as
-/// ProblemOf does.
+/// @throws FileError when primitives were made for other [motor] or [passive] than the first, or
+/// some in space and some in the plane, or as ProblemOf does.
 void RequireOneRobot(const SimulatedMotion& motion);
 
 }  // namespace tumbler

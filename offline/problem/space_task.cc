@@ -20,6 +20,7 @@
 #include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_parts.h"
+#include "offline/scene/quaternion.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -27,7 +28,6 @@ namespace in_space {
 namespace {
 
 using Triple = std::array<double, 3>;
-using Quaternion = std::array<double, 4>;  // w, x, y, z
 
 constexpr Range kPlace{-1e3, 1e3};
 /// Times that are nearer than this are the same [s].
@@ -36,22 +36,6 @@ constexpr Range kSize{0, 1e3, true};
 constexpr Quaternion kUpright{1, 0, 0, 0};
 
 SpaceVector ToVector(const Triple& v) { return {v[0], v[1], v[2]}; }
-
-SpaceMatrix ToRotation(const Quaternion& q) { return Pose::RotationOf(q[1], q[2], q[3], q[0]); }
-
-/// A quaternion of a file, whose digits leave it a little off unit length.
-Quaternion UnitQuaternion(TomlTable& table, std::string_view key, const Quaternion& given) {
-  double square = 0;
-  for (const double part : given) square += part * part;
-  const double length = std::sqrt(square);
-  if (!(std::abs(length - 1) <= 1e-3)) {
-    table.Fail(key, fmt::format("has the length {}; allowed: a unit quaternion w, x, y, z",
-                                MessageNumber(length)));
-  }
-  Quaternion unit = given;
-  for (double& part : unit) part /= length;
-  return unit;
-}
 
 // Obstacles: for each kind, its keys and the shape that they describe.
 
@@ -133,7 +117,7 @@ Shape<Spatial> ReadShape(TomlTable& table) {
   return ToShape(table, entry);
 }
 
-Obstacle<Spatial> ReadSpaceObstacle(TomlTable& table) {
+Obstacle<Spatial> ReadOne(TomlTable& table) {
   ObstacleEntry entry;
   ReadKeys(table, kObstacleKeys, entry);
   constexpr std::array kRead = {
@@ -440,31 +424,6 @@ class Reader {
   SpaceScene& scene_;
 };
 
-/// The unit quaternion of a rotation, with w >= 0, by the largest of its components.
-Quaternion ToQuaternion(const SpaceMatrix& R) {
-  const double trace = R.trace();
-  Quaternion q{};
-  if (trace > 0) {
-    const double s = 2 * std::sqrt(1 + trace);
-    q = {s / 4, (R(2, 1) - R(1, 2)) / s, (R(0, 2) - R(2, 0)) / s, (R(1, 0) - R(0, 1)) / s};
-  } else {
-    int i = 0;
-    if (R(1, 1) > R(0, 0)) i = 1;
-    if (R(2, 2) > R(i, i)) i = 2;
-    const int j = (i + 1) % 3, k = (i + 2) % 3;
-    const double s = 2 * std::sqrt(std::max(0.0, 1 + R(i, i) - R(j, j) - R(k, k)));
-    const auto at = [](int axis) { return static_cast<std::size_t>(axis + 1); };
-    q[0] = (R(k, j) - R(j, k)) / s;
-    q[at(i)] = s / 4;
-    q[at(j)] = (R(j, i) + R(i, j)) / s;
-    q[at(k)] = (R(k, i) + R(i, k)) / s;
-  }
-  if (q[0] < 0) {
-    for (double& part : q) part = -part;
-  }
-  return q;
-}
-
 std::vector<KeyTable> KeyTables() {
   const char* const source = "offline/problem/space_task.cc";
   std::vector<KeyRow> obstacles = RowsOf(kObstacleKeys);
@@ -483,6 +442,21 @@ std::vector<KeyTable> KeyTables() {
 }  // namespace
 }  // namespace in_space
 
+Quaternion UnitQuaternion(TomlTable& table, std::string_view key, const Quaternion& given) {
+  double square = 0;
+  for (const double part : given) square += part * part;
+  const double length = std::sqrt(square);
+  if (!(std::abs(length - 1) <= 1e-3)) {
+    table.Fail(key, fmt::format("has the length {}; allowed: a unit quaternion w, x, y, z",
+                                MessageNumber(length)));
+  }
+  Quaternion unit = given;
+  for (double& part : unit) part /= length;
+  return unit;
+}
+
+Obstacle<Spatial> ReadSpaceObstacle(TomlTable& table) { return in_space::ReadOne(table); }
+
 Problem ReadSpaceTask(TomlTable root, const Robot& robot,
                       const std::optional<PrimitivePose>& given) {
   return in_space::Reader(std::move(root), robot, given).Read();
@@ -494,8 +468,16 @@ PrimitivePose ToPrimitivePose(const SpacePose& pose) {
   out.root_x_m = pose.q[0];
   out.root_y_m = pose.q[1];
   out.root_z_m = pose.q[2];
-  out.root_quaternion = in_space::ToQuaternion(pose.orientation);
+  out.root_quaternion = ToQuaternion(pose.orientation);
   out.joint_positions_rad.assign(pose.q.begin() + kRootDofs, pose.q.end());
+  return out;
+}
+
+SpacePose ToSpacePose(const PrimitivePose& pose) {
+  SpacePose out;
+  out.q = {pose.root_x_m, pose.root_y_m, pose.root_z_m, 0, 0, 0};
+  out.q.insert(out.q.end(), pose.joint_positions_rad.begin(), pose.joint_positions_rad.end());
+  out.orientation = ToRotation(pose.root_quaternion);
   return out;
 }
 

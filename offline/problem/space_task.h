@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "common/files/key_table.h"
@@ -8,6 +9,7 @@
 #include "common/files/toml_reader.h"
 #include "offline/model/robot.h"
 #include "offline/problem/problem.h"
+#include "offline/scene/quaternion.h"
 
 namespace tumbler {
 
@@ -22,6 +24,17 @@ Problem ReadSpaceTask(TomlTable root, const Robot& robot,
 
 /// The pose of a robot in space as a primitive's file has it.
 PrimitivePose ToPrimitivePose(const SpacePose& pose);
+/// The other way.
+/// @pre it is in space.
+SpacePose ToSpacePose(const PrimitivePose& pose);
+
+/// A quaternion of a file, whose digits leave it a little off unit length.
+/// @throws FileError  when they leave it far off.
+Quaternion UnitQuaternion(TomlTable& table, std::string_view key, const Quaternion& given);
+
+/// A table `[[obstacle]]` of a file about a robot in space.
+/// @throws FileError
+Obstacle<Spatial> ReadSpaceObstacle(TomlTable& table);
 
 /// What the file's keys are in space where they are others than in the plane, for docs/space.md.
 std::vector<KeyTable> SpaceTaskKeyTables();

@@ -272,8 +272,9 @@ Task Parse(const std::string& task_text, const std::string& task_name,
     if (takes == TaskSpaces::kPlane) {
       root.Fail(
           "root",
-          "is \"floating\": a robot in space, whose motions tumbler optimize finds and shows and "
-          "tumbler robustness plays, but not this; allowed here: planar-xz, fixed, hinge-y");
+          "is \"floating\": a robot in space, which docs/space.md is about; tumbler optimize finds "
+          "its motions, tumbler robustness and tumbler run sim play them, but not this; allowed "
+          "here: planar-xz, fixed, hinge-y");
     }
     std::optional<PrimitivePose> pose;
     if (given) pose = *given->pose;

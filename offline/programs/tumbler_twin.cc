@@ -82,7 +82,13 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
   json["overlaps"] = robot.posture().overlaps();
   json["root_x_m"] = state.root_x_m;
   json["root_z_m"] = state.root_z_m;
-  json["root_pitch_rad"] = state.root_pitch_rad;
+  if (state.is_in_space()) {
+    json["root_y_m"] = state.root_y_m;
+    json["root_quaternion"] = Json::Array();
+    for (const double part : state.root_quaternion) json["root_quaternion"].Append(part);
+  } else {
+    json["root_pitch_rad"] = state.root_pitch_rad;
+  }
   json["peak_penetration_m"] = state.peak_penetration_m;
   json["joints"] = Json::Array();
   for (std::size_t j = 0; j < robot.joint_count(); ++j) {
@@ -102,13 +108,20 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
   json["events"] = Json::Array();
   for (const PostureEvent& event : robot.posture().events()) {
     constexpr std::array kNames = {"rest", "fall", "overlap"};  // of PostureEvent::Kind
-    json["events"].Append({{"event", kNames[static_cast<std::size_t>(event.kind)]},
-                           {"time_s", static_cast<double>(event.time_ns) / 1e9},
-                           {"pose", event.pose},
-                           {"cause", event.cause},
-                           {"root_x_m", event.root_x_m},
-                           {"root_z_m", event.root_z_m},
-                           {"root_pitch_rad", event.root_pitch_rad}});
+    Json told = {{"event", kNames[static_cast<std::size_t>(event.kind)]},
+                 {"time_s", static_cast<double>(event.time_ns) / 1e9},
+                 {"pose", event.pose},
+                 {"cause", event.cause},
+                 {"root_x_m", event.root_x_m},
+                 {"root_z_m", event.root_z_m}};
+    if (event.in_space) {
+      told["root_y_m"] = event.root_y_m;
+      told["root_tilt_rad"] = event.tilt_rad;
+      told["root_heading_rad"] = event.heading_rad;
+    } else {
+      told["root_pitch_rad"] = event.root_pitch_rad;
+    }
+    json["events"].Append(std::move(told));
   }
   return json.Dump(2) + '\n';
 }
@@ -132,7 +145,8 @@ ExitStatus Run(const Options& options) {
   if (!options.config.empty()) sources = ReadTwinSources(options.config);
   std::vector<std::string> inputs = {options.config};
   const SimulatedMotion motion(
-      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION"), NotingReader(inputs)));
+      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION"), NotingReader(inputs)),
+      TaskSpaces::kPlaneAndSpace);
   const std::string drives_file = FileOf(options.drives, sources.drives, "drives", "--drives");
   inputs.push_back(drives_file);
   const DrivesConfig drives = LoadDrives(drives_file);
@@ -200,9 +214,9 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--twin", options.config, "the robot as it is, with disturbances (TOML)");
   line.Option("--drives", options.drives, "drive configuration (TOML)");
   line.Option("--lcm-url", options.lcm_url,
-              "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0")
+              "publish its true state there, e.g. udpm://239.255.76.67:7667?ttl=0")
       .LcmUrl();
-  line.Option("--truth", options.truth, "write truth_t to this LCM log");
+  line.Option("--truth", options.truth, "write its true state to this LCM log");
   line.Option("--pace", options.pace,
               "seconds of the robot in a second of the clock; tumbler run needs the same")
       .Within(0.05, 1.0)

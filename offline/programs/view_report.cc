@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -10,7 +11,12 @@
 #include "common/files/printable.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
+#include "common/files/sequence_toml.h"
 #include "offline/pages/page_file.h"
+#include "offline/pages/space_motion.h"
+#include "offline/pages/space_run.h"
+#include "offline/problem/task_toml.h"
+#include "offline/solve/guess.h"
 #include "runtime/record/flight_record.h"
 
 namespace tumbler {
@@ -24,12 +30,47 @@ bool IsRecord(const std::string& path) {
   return StartOf(file.bytes()) != RecordStart::kNotARecord && !file.bytes().empty();
 }
 
+/// The motion of a primitive of a robot in space; none of others.
+std::optional<PrimitiveFile> MotionInSpace(const std::string& path) {
+  const SequenceFile motion = LoadMotion(path);
+  if (motion.graph.node_count > 1 || !motion.primitives.front().entry.is_in_space())
+    return std::nullopt;
+  return motion.primitives.front();
+}
+
+/// The page of a motion in space, as `tumbler optimize --report` writes it.
+ExitStatus WriteMotionInSpace(const PrimitiveFile& file, const std::string& out) {
+  const Task task = TaskOf(file, TaskSpaces::kPlaneAndSpace);
+  const SpaceMotionPage page = MakeSpaceMotionPage(task, ParametersOf(file.primitive), file);
+  fmt::print("wrote {}\n", WritePage(SpacePage(page), out));
+  return ExitStatus::kDone;
+}
+
+/// The page of runs, or of the run of a robot in space. @returns its path.
+std::string WriteRuns(const std::vector<RunData>& runs, const ReportArguments& arguments) {
+  for (const RunData& run : runs) {
+    if (run.space && runs.size() > 1) {
+      throw std::runtime_error(
+          fmt::format("{}: is of a robot in space, of which a page shows one run so far; give it "
+                      "alone",
+                      run.name));
+    }
+  }
+  const RunData& first = runs.front();
+  if (!first.space) return WriteFlightReport(runs, arguments.out, arguments.options);
+  return WritePage(SpacePage(MakeSpaceRunPage(first, arguments.options)), arguments.out);
+}
+
 }  // namespace
 
 ExitStatus WriteReportOfRuns(const ReportArguments& arguments) {
   std::vector<std::string> inputs = arguments.files;
   inputs.insert(inputs.end(), arguments.truths.begin(), arguments.truths.end());
   CheckDistinct(inputs, {PagePath(arguments.out)});
+  if (arguments.files.size() == 1 && !IsRecord(arguments.files.front())) {
+    if (const auto file = MotionInSpace(arguments.files.front()))
+      return WriteMotionInSpace(*file, arguments.out);
+  }
   std::vector<RunData> runs;
   std::size_t truths = 0;
   for (const std::string& path : arguments.files) {
@@ -47,7 +88,7 @@ ExitStatus WriteReportOfRuns(const ReportArguments& arguments) {
                     "first record",
                     arguments.truths[truths], arguments.truths.size(), truths));
   }
-  const std::string page = WriteFlightReport(runs, arguments.out, arguments.options);
+  const std::string page = WriteRuns(runs, arguments);
   for (const RunData& run : runs) {
     fmt::print("{}:\n", Printable(run.name));
     for (const auto& [name, value] : run.facts) fmt::print("  {}: {}\n", name, Printable(value));

@@ -2,12 +2,13 @@
 
 #include <memory>
 
-#include <tumbler/truth_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 
 #include "runtime/record/flight_record.h"
 #include "runtime/record/message_readers.h"
 #include "runtime/record/messages.h"
 #include "runtime/record/record_export.h"
+#include "runtime/record/truth_csv.h"
 
 namespace tumbler {
 namespace {
@@ -24,19 +25,18 @@ void AddTick(const state_t& state, const std::vector<std::string>& joints, Colum
   ForEachSensorColumn(state, append);
 }
 
-void AddTruth(const truth_t& truth, ColumnTable& table) {
+void AddTruth(const space_truth_t& state, ColumnTable& table) {
+  const truth_t& truth = state.truth;
+  const TruthKind kind = KindOf(state);
   table.BeginRow();
   table.Append("time_s", ColumnTime{truth.time_ns});
-  table.Append("root_x_m", truth.root_x_m);
-  table.Append("root_z_m", truth.root_z_m);
-  table.Append("root_pitch_rad", truth.root_pitch_rad);
-  table.Append("root_vx_m_s", truth.root_vx_m_s);
-  table.Append("root_vz_m_s", truth.root_vz_m_s);
-  table.Append("root_pitch_rate_rad_s", truth.root_pitch_rate_rad_s);
+  ForEachTruthRootColumn(state, kind,
+                         [&table](const char* name, double value) { table.Append(name, value); });
   table.Append("held", truth.held);
   table.Append("fallen", truth.fallen);
   table.Append("falls", truth.falls);
   table.Append("push_x_n", truth.push_x_n);
+  if (kind == TruthKind::kInSpace) table.Append("push_y_n", state.push_y_n);
   table.Append("push_z_n", truth.push_z_n);
   table.Append("peak_penetration_m", truth.peak_penetration_m);
   for (const joint_truth_t& joint : truth.joints) {
@@ -53,7 +53,7 @@ void AddTruth(const truth_t& truth, ColumnTable& table) {
 }
 
 void AddTruths(const FlightRecord& record, ColumnTable& table) {
-  truth_t truth;
+  space_truth_t truth;
   for (const auto bytes : record.truths()) {
     if (ReadMessage(bytes, truth)) AddTruth(truth, table);
   }

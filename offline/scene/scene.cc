@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "common/core/index.h"
+#include "offline/scene/joints_alike.h"
 
 namespace tumbler {
 
@@ -17,14 +18,7 @@ bool SameGround(const Scene& a, const Scene& b) {
          a.robot.tree.gravity == b.robot.tree.gravity;
 }
 
-bool SameJoints(const Scene& a, const Scene& b) {
-  const auto same_damping = [](const Dof<Plane>& x, const Dof<Plane>& y) {
-    return x.damping_nm_s_per_rad == y.damping_nm_s_per_rad;
-  };
-  return a.motors == b.motors && a.robot.passive == b.robot.passive &&
-         a.robot.locked == b.robot.locked &&
-         std::ranges::equal(a.robot.tree.dofs, b.robot.tree.dofs, same_damping);
-}
+bool SameJoints(const Scene& a, const Scene& b) { return JointsAreAlike(a, b); }
 
 std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot) {
   if (pose.joint_positions_rad.size() != robot.joint_count())

@@ -12,6 +12,7 @@
 #include "common/core/index.h"
 #include "common/files/toml_reader.h"
 #include "offline/model/robot_review.h"
+#include "offline/scene/joints_alike.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -163,6 +164,8 @@ void Tilt(SpaceRobot& robot, double slope_rad) {
   const SpaceVector g = robot.tree.gravity;
   robot.tree.gravity = {c * g.x() + s * g.z(), g.y(), c * g.z() - s * g.x()};
 }
+
+bool SameJoints(const SpaceScene& a, const SpaceScene& b) { return JointsAreAlike(a, b); }
 
 const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spatial>& contact) {
   if (contact.obstacle < 0) return scene.robot.shapes[Index(contact.other_shape)].name;

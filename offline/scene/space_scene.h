@@ -86,6 +86,9 @@ struct SpaceScene {
 /// The name of what a contact's shape touches.
 const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spatial>& contact);
 
+/// Whether the joints of two scenes with the same URDF are alike: motors and dampers.
+bool SameJoints(const SpaceScene& a, const SpaceScene& b);
+
 /// Where the root's frame is, and the joints. In space no three numbers say how a root is turned
 /// without a singularity, so an orientation goes with them.
 struct SpacePose {

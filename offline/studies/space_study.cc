@@ -16,7 +16,6 @@
 #include "common/files/toml_reader.h"
 #include "offline/certify/driven_motion.h"
 #include "offline/problem/purpose_gauge.h"
-#include "offline/problem/space_quantity.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/normal.h"
 #include "offline/solve/guess.h"
@@ -31,7 +30,7 @@ constexpr std::uint64_t kPushSeed = 0x9b1a615e;  // so that pushes say nothing o
 /// A target of the primitive, and when it is due.
 struct Due {
   PurposeTarget target;
-  SpaceQuantity quantity;  ///< None of the root's speed.
+  PurposeGauge gauge;
   double time_s = 0;
 
   /// Whether what was asked for there is to last.
@@ -40,10 +39,7 @@ struct Due {
            target.when == PurposeTarget::When::kLater;
   }
   [[nodiscard]] double ValueAt(const DrivenSample& at) const {
-    if (quantity.present()) return quantity.Value(at.q, at.qd, *at.axes);
-    double fastest = 0;  // of the root's rates
-    for (std::size_t i = 0; i < 6; ++i) fastest = std::max(fastest, std::abs(at.qd[i]));
-    return fastest;
+    return gauge.At(at.q, at.qd, *at.axes);
   }
 };
 
@@ -52,25 +48,13 @@ std::vector<Due> TargetsOf(const std::string& path, const PrimitiveFile& file,
                            const Problem& problem) {
   std::vector<Due> due;
   for (const PurposeFigure& figure : file.purpose) {
-    SpaceQuantity quantity;
-    if (figure.is_in_space()) {
-      const auto of = static_cast<SpaceQuantity::Of>(
-          static_cast<int>(figure.of) - static_cast<int>(PurposeTarget::Of::kPosition));
-      try {
-        quantity = QuantityOfLink(problem.space->scene.robot, of, figure.link, figure.in_space,
-                                  figure.along);
-      } catch (const std::invalid_argument& error) {
-        throw std::invalid_argument(
-            fmt::format("{}: purpose: its link '{}' {}", path, figure.link, error.what()));
-      }
-    } else if (figure.of != PurposeTarget::Of::kSpeed) {
-      throw std::invalid_argument(fmt::format(
-          "{}: purpose: '{}' is of a robot in the plane; allowed in space: position, velocity, "
-          "angular_velocity, misalignment, speed",
-          path, PurposeTarget::kOfNames[Index(static_cast<int>(figure.of))]));
+    PurposeGauge gauge(figure, problem.space->scene.robot);
+    if (!gauge.obstacle().empty()) {
+      throw std::invalid_argument(fmt::format("{}: purpose: '{}' cannot be judged: {}", path,
+                                              figure.name(), gauge.obstacle()));
     }
     due.push_back(
-        {figure, std::move(quantity), DueTime(figure, problem.duration_s, problem.settle_s)});
+        {figure, std::move(gauge), DueTime(figure, problem.duration_s, problem.settle_s)});
   }
   return due;
 }
@@ -123,7 +107,7 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
       const double until_s = due.lasts() && study.hold_s > 0 ? last_s + study.hold_s : due.time_s;
       if (at.time_s > until_s + 1e-9) continue;
       std::optional<double>& result = trial.purpose[i].result;
-      const bool speed = !due.quantity.present();
+      const bool speed = due.target.of == PurposeTarget::Of::kSpeed;
       const bool watched = speed && at.time_s > until_s - kRestWatched_s && result;
       result = watched ? std::max(*result, due.ValueAt(at)) : due.ValueAt(at);
     }

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "common/core/index.h"
+#include "offline/problem/contact_steps.h"
 #include "offline/problem/damped_motion.h"
 
 namespace tumbler {
@@ -23,10 +24,31 @@ std::string WarningOf(const std::string& loop, double period_s, const DampedMoti
                      remedy);
 }
 
+/// The warning about steps of a twin that contact does not bear; empty where it does.
+std::string ContactWarning(const SimulatedMotion& motion, const TwinConfig& twin, double step_s) {
+  // The midpoint rule is stable up to twice the time constant that is advised.
+  ContactSteps least;
+  std::string of;
+  for (std::size_t i = 0; i < motion.file().primitives.size(); ++i) {
+    const Problem& problem = motion.ProblemOf(i);
+    const Primitive<double>& primitive = motion.file().primitives[i].primitive;
+    const ContactSteps steps = ContactStepsOf(
+        problem, primitive, twin.contact.value_or(problem.contact()), JointMoves::kByTorque);
+    if (steps.step_s >= least.step_s) continue;
+    least = steps;
+    of = primitive.name.view();
+  }
+  if (step_s <= least.step_s) return "";
+  return fmt::format(
+      "warning: step_s of the twin takes {:.4g} ms, and contact allows {:.4g} ms with the pose of "
+      "'{}' at {:.3g} s: feet may buzz where they should stick; give the twin a shorter step_s",
+      1e3 * step_s, 1e3 * least.step_s, of, least.time_s);
+}
+
 }  // namespace
 
 std::vector<std::string> DampingNotes(const SimulatedMotion& motion, const DrivesConfig& drives,
-                                      std::optional<std::int64_t> twin_step_ns) {
+                                      const TwinConfig* twin) {
   const auto& graph = motion.file().graph;
   DampedMotion worst;
   std::string of;
@@ -43,7 +65,11 @@ std::vector<std::string> DampingNotes(const SimulatedMotion& motion, const Drive
     worst = damped;
     of = file.primitive.name.view();
   }
-  if (worst.rate_per_s == 0) return {};
+  const double step_s = twin == nullptr ? 0 : 1e-9 * static_cast<double>(twin->step_ns);
+  const std::string of_contact =
+      twin == nullptr ? std::string() : ContactWarning(motion, *twin, step_s);
+  if (worst.rate_per_s == 0)
+    return of_contact.empty() ? std::vector<std::string>() : std::vector{of_contact};
 
   std::string unknown;
   std::vector<std::string> warnings;
@@ -56,10 +82,10 @@ std::vector<std::string> DampingNotes(const SimulatedMotion& motion, const Drive
                                    1 / drive.loop_hz, worst, kLess));
     }
   }
-  if (twin_step_ns) {
-    warnings.push_back(WarningOf("step_s of the twin, which computes the drives' law,",
-                                 1e-9 * static_cast<double>(*twin_step_ns), worst,
-                                 "give the twin a shorter step_s"));
+  if (twin != nullptr) {
+    warnings.push_back(WarningOf("step_s of the twin, which computes the drives' law,", step_s,
+                                 worst, "give the twin a shorter step_s"));
+    warnings.push_back(of_contact);
   }
   std::erase(warnings, "");
   std::vector<std::string> notes = {fmt::format(

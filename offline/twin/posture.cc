@@ -7,12 +7,19 @@
 #include <utility>
 
 #include "common/core/functions.h"
+#include "offline/scene/quaternion.h"
 
 namespace tumbler {
 
 std::string Describe(const PostureEvent& event) {
-  const std::string where = fmt::format("pitch {:.4f} rad, z {:.4f} m, x {:.3f} m",
-                                        event.root_pitch_rad, event.root_z_m, event.root_x_m);
+  const std::string where =
+      event.in_space
+          ? fmt::format(
+                "tilted by {:.4f} rad, z {:.4f} m, x {:.3f} m, y {:.3f} m, heading {:.3f} "
+                "rad",
+                event.tilt_rad, event.root_z_m, event.root_x_m, event.root_y_m, event.heading_rad)
+          : fmt::format("pitch {:.4f} rad, z {:.4f} m, x {:.3f} m", event.root_pitch_rad,
+                        event.root_z_m, event.root_x_m);
   if (event.kind == PostureEvent::Kind::kFall) {
     return fmt::format("FELL: {}; {}", event.cause, where);
   }
@@ -20,6 +27,22 @@ std::string Describe(const PostureEvent& event) {
     return fmt::format("GOES THROUGH ITSELF: {}; {}", event.cause, where);
   return fmt::format("rests {}; {}", event.pose.empty() ? "in no known pose" : event.pose, where);
 }
+
+namespace {
+
+/// What is vertical in a frame that is turned by this quaternion.
+std::array<double, 3> UpIn(const Quaternion& turned) {
+  const SpaceVector up = ToRotation(turned).row(2);
+  return {up.x(), up.y(), up.z()};
+}
+
+double AngleBetween(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  double square = 0;  // of the chord
+  for (std::size_t i = 0; i < 3; ++i) square += (a[i] - b[i]) * (a[i] - b[i]);
+  return AngleOfChord(std::sqrt(square));
+}
+
+}  // namespace
 
 PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& config,
                            const PrimitivePose& start, Slides slides)
@@ -31,7 +54,9 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
                     motion.RobotPitch(node, pose.root_pitch_rad),
                     std::max(tolerance, config.pitch_tolerance_rad),
                     {},
-                    pose.passive_positions_rad};
+                    pose.passive_positions_rad,
+                    {}};
+    if (pose.is_in_space()) known.up = UpIn(pose.root_quaternion);
     for (std::size_t j = 0; j < pose.joint_positions_rad.size(); ++j) {
       const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
       known.joints_rad.push_back(pose.joint_positions_rad[role]);
@@ -45,15 +70,22 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
   for (int node = 0; node < motion.graph.node_count; ++node) {
     add(node, "before", motion.PrimitiveOf(node).entry, 0);
   }
-  poses_.push_back({"as it was started", start.root_z_m, start.root_pitch_rad,
-                    config.pitch_tolerance_rad, start.joint_positions_rad,
-                    start.passive_positions_rad});
+  poses_.push_back({"as it was started",
+                    start.root_z_m,
+                    start.root_pitch_rad,
+                    config.pitch_tolerance_rad,
+                    start.joint_positions_rad,
+                    start.passive_positions_rad,
+                    {}});
+  if (start.is_in_space()) poses_.back().up = UpIn(start.root_quaternion);
 }
 
 bool PostureWatch::Slow(const TwinState& state) const {
   const auto fast = [this](double rate) { return std::abs(rate) > config_.rate_max_rad_s; };
-  return portable::Length(state.root_vx_m_s, state.root_vz_m_s) <= config_.speed_max_m_s &&
-         !fast(state.root_pitch_rate_rad_s) &&
+  const double speed =
+      portable::Length(portable::Length(state.root_vx_m_s, state.root_vz_m_s), state.root_vy_m_s);
+  return speed <= config_.speed_max_m_s && !fast(state.root_pitch_rate_rad_s) &&
+         std::ranges::none_of(state.root_angular_velocity_rad_s, fast) &&
          std::ranges::none_of(state.joint_velocities_rad_s, fast) &&
          std::ranges::none_of(state.passive_velocities_rad_s, fast);
 }
@@ -62,8 +94,10 @@ const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state, bo
   const auto fits = [&](const KnownPose& pose) {
     // The height allows for the pitch: the root turns about a foot, some 0.3 m away.
     const double z_tolerance = config_.z_tolerance_m + 0.3 * pose.pitch_tolerance_rad;
-    if (std::abs(NearestTurn(state.root_pitch_rad - pose.pitch_rad)) > pose.pitch_tolerance_rad ||
-        std::abs(state.root_z_m - pose.z_m) > z_tolerance)
+    const double turned = state.is_in_space()
+                              ? AngleBetween(UpIn(state.root_quaternion), pose.up)
+                              : std::abs(NearestTurn(state.root_pitch_rad - pose.pitch_rad));
+    if (turned > pose.pitch_tolerance_rad || std::abs(state.root_z_m - pose.z_m) > z_tolerance)
       return false;
     for (std::size_t j = 0; j < pose.joints_rad.size(); ++j) {
       const bool slides = j < slides_.joints.size() && slides_.joints[j];
@@ -89,6 +123,12 @@ PostureEvent PostureWatch::EventAt(const TwinState& state, PostureEvent::Kind ki
   event.root_x_m = state.root_x_m;
   event.root_z_m = state.root_z_m;
   event.root_pitch_rad = state.root_pitch_rad;
+  event.in_space = state.is_in_space();
+  if (!event.in_space) return event;
+  const SpaceMatrix R = ToRotation(state.root_quaternion);
+  event.root_y_m = state.root_y_m;
+  event.tilt_rad = AngleBetween({R(2, 0), R(2, 1), R(2, 2)}, {0, 0, 1});
+  event.heading_rad = portable::Atan2(R(1, 0), R(0, 0));
   return event;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -35,6 +36,10 @@ struct PostureEvent {
   Kind kind = Kind::kRest;
   std::int64_t time_ns = 0;
   double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
+  /// In space, in place of the pitch: the root's y, the angle of its frame's z axis with the
+  /// vertical, and where its x axis points, seen from above.
+  bool in_space = false;
+  double root_y_m = 0, tilt_rad = 0, heading_rad = 0;
   std::string pose;   ///< The known pose in which the robot rests; empty: it rests otherwise.
   std::string cause;  ///< The cause of a fall, or what overlaps, in words.
 };
@@ -55,7 +60,8 @@ struct DrivesPosture {
 ///
 /// The robot falls when, after all drives were enabled,
 ///  - it comes to rest in a pose (height, pitch less whole turns, joints) in which no node of the
-///    motion begins or ends, and in which it was not started; or
+///    motion begins or ends, and in which it was not started; of a robot in space, what is vertical
+///    in its frame takes the place of the pitch, and its heading does not count; or
 ///  - a link of `clear_links` touches something.
 /// When the host takes the torque off a robot in a known pose, or begins to lower it there, it lets
 /// the robot go, and nothing counts as a fall any more. After a fall, the robot has to be in a
@@ -101,6 +107,7 @@ class PostureWatch {
     double z_m, pitch_rad, pitch_tolerance_rad;
     std::vector<double> joints_rad;
     std::vector<double> passive_rad;  // empty: of a pose that does not say
+    std::array<double, 3> up{};       // in space: the vertical in the root's frame
   };
   [[nodiscard]] bool Slow(const TwinState& state) const;
   /// @param passive  whether joints without a motor count.

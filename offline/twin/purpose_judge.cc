@@ -6,7 +6,9 @@
 #include <string>
 #include <utility>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
+#include "offline/scene/quaternion.h"
 
 namespace tumbler {
 
@@ -25,6 +27,20 @@ PurposeJudge::PurposeJudge(const SequenceFile& file, const PlanarRobot& robot)
   }
   expected_pitch_rad_ =
       file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
+}
+
+PurposeJudge::PurposeJudge(const SequenceFile& file, const SpaceRobot& robot)
+    : file_(file),
+      free_root_(true),
+      hinged_(false),
+      root_dofs_(Index(robot.root_dofs)),
+      q_(robot.tree.dofs.size()),
+      qd_(robot.tree.dofs.size()) {
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) joint_dofs_.push_back(robot.DofOfJoint(j));
+  for (const PrimitiveFile& primitive : file.primitives) {
+    std::vector<PurposeGauge>& gauges = gauges_.emplace_back();
+    for (const PurposeFigure& figure : primitive.purpose) gauges.emplace_back(figure, robot);
+  }
 }
 
 void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth) {
@@ -53,11 +69,18 @@ void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const
 
 void PurposeJudge::BeginMotion(int node, bool after_another, const TwinState& truth) {
   start_x_m_ = truth.root_x_m;
+  start_y_m_ = truth.root_y_m;
   ended_ = -1;
   moving_ = node;
   // The motion is planned from its entry, of which the last one's exit may be off by a little.
   // How the robot lies decides with which node a run begins, and it may have turned about.
   const PrimitiveFile& primitive = file_.PrimitiveOf(node);
+  if (truth.is_in_space()) {
+    // The part about the vertical of how the root is turned against the entry.
+    const SpaceMatrix R =
+        ToRotation(truth.root_quaternion) * ToRotation(primitive.entry.root_quaternion).transpose();
+    turned_about_z_rad_ = portable::Atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1));
+  }
   const double entry = file_.RobotPitch(node, primitive.entry.root_pitch_rad);
   const double near = after_another ? expected_pitch_rad_ : truth.root_pitch_rad;
   constexpr double kTurn = 2 * std::numbers::pi;
@@ -102,15 +125,17 @@ void PurposeJudge::JudgeLast(double since_end_s, bool settled, bool next, const 
     judged.after_s = since_end_s;
   }
   if (!passage.pitch_later_rad && (next || (settled && since_end_s >= Passage::kLater_s))) {
-    passage.pitch_later_rad = truth.root_pitch_rad;
+    passage.pitch_later_rad = AngleOf(truth, ended_);
     passage.later_s = since_end_s;
   }
 }
 
 /// Keeps the speeds of the last kRestWatched_s.
 void PurposeJudge::Watch(std::int64_t time_ns, const TwinState& truth) {
-  const double speed = std::max({std::abs(truth.root_vx_m_s), std::abs(truth.root_vz_m_s),
-                                 std::abs(truth.root_pitch_rate_rad_s)});
+  double speed = std::max({std::abs(truth.root_vx_m_s), std::abs(truth.root_vy_m_s),
+                           std::abs(truth.root_vz_m_s), std::abs(truth.root_pitch_rate_rad_s)});
+  for (const double rate : truth.root_angular_velocity_rad_s)
+    speed = std::max(speed, std::abs(rate));
   speeds_.emplace_back(time_ns, speed);
   while (speeds_.front().first < time_ns - std::llround(1e9 * kRestWatched_s)) speeds_.pop_front();
 }
@@ -141,12 +166,40 @@ void PurposeJudge::EndMotion(int node, std::int64_t time_ns, const TwinState& tr
   Passage& passage = passages_.emplace_back();
   passage.node = std::string(file_.graph.node(node).name.view());
   passage.free_root = free_root_;
+  passage.in_space = truth.is_in_space();
   passage.hinged = hinged_;
   passage.swings_on = hinged_ && !primitive.primitive.feedback.present();
   passage.expected_pitch_rad = expected_pitch_rad_;
-  passage.pitch_at_end_rad = truth.root_pitch_rad;
+  passage.pitch_at_end_rad = AngleOf(truth, node);
   passage.tolerance_rad = std::max(passage.tolerance_rad, tolerance_rad);
   passage.purpose = std::move(under_way_);
+}
+
+void PurposeJudge::TakeRootInSpace(const PrimitivePose& entry, const TwinState& truth) {
+  const SpaceMatrix back =
+      Spatial::RotationBy(SpaceVector::UnitZ(), -turned_about_z_rad_).m;  // of headings
+  const SpaceVector moved =
+      back * SpaceVector(truth.root_x_m - start_x_m_, truth.root_y_m - start_y_m_, truth.root_z_m);
+  const SpaceVector v = back * SpaceVector(truth.root_vx_m_s, truth.root_vy_m_s, truth.root_vz_m_s);
+  q_[0] = moved.x() + entry.root_x_m;
+  q_[1] = moved.y() + entry.root_y_m;
+  q_[2] = moved.z();
+  for (std::size_t i = 0; i < 3; ++i) qd_[i] = v[static_cast<int>(i)];
+  const SpaceMatrix R = ToRotation(truth.root_quaternion);
+  axes_ = back * R;
+  // In these axes the root's angles are 0, and their rates the angular velocity about -y, x and z.
+  const std::array<double, 3>& w = truth.root_angular_velocity_rad_s;
+  const SpaceVector local = R.TransposeTimes({w[0], w[1], w[2]});
+  qd_[3] = -local.y();
+  qd_[4] = local.x();
+  qd_[5] = local.z();
+}
+
+double PurposeJudge::AngleOf(const TwinState& truth, int node) const {
+  if (!truth.is_in_space()) return truth.root_pitch_rad;
+  const SpaceVector up = ToRotation(truth.root_quaternion).row(2);
+  const SpaceVector exit = ToRotation(file_.PrimitiveOf(node).exit.root_quaternion).row(2);
+  return AngleOfChord((up - exit).norm());
 }
 
 /// What a target of a node's purpose asks for, in the coordinates of its task: there the motion
@@ -158,7 +211,9 @@ double PurposeJudge::ResultOf(std::size_t target, int node, const TwinState& tru
                             [](const auto& a, const auto& b) { return a.second < b.second; })
         ->second;
   }
-  if (root_dofs_ > 0) {
+  if (truth.is_in_space()) {
+    TakeRootInSpace(primitive.entry, truth);
+  } else if (root_dofs_ > 0) {
     q_[0] = truth.root_x_m - start_x_m_ + primitive.entry.root_x_m;
     q_[1] = truth.root_z_m;
     q_[2] = truth.root_pitch_rad - turned_rad_;
@@ -175,7 +230,7 @@ double PurposeJudge::ResultOf(std::size_t target, int node, const TwinState& tru
     q_[passive_dofs_[i]] = truth.passive_positions_rad[i];
     qd_[passive_dofs_[i]] = truth.passive_velocities_rad_s[i];
   }
-  return gauges_[Index(file_.graph.node(node).primitive)][target].At(q_, qd_);
+  return gauges_[Index(file_.graph.node(node).primitive)][target].At(q_, qd_, axes_);
 }
 
 }  // namespace tumbler

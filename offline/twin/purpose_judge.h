@@ -35,6 +35,10 @@ class PurposeJudge {
   ///               rest soon, and a fixed root is always where it is, so that of these only the
   ///               purpose is judged.
   PurposeJudge(const SequenceFile& file, const PlanarRobot& robot);
+  /// In space a motion is judged as if it had begun where its primitive does, and with the heading
+  /// that it has there: the ground is taken for level. What is vertical in the root's frame after
+  /// the motion is compared with the exit's, in place of a pitch.
+  PurposeJudge(const SequenceFile& file, const SpaceRobot& robot);
 
   /// To be called in every tick.
   void Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth);
@@ -50,6 +54,10 @@ class PurposeJudge {
  private:
   void Watch(std::int64_t time_ns, const TwinState& truth);
   void LeaveOutOne();
+  /// Sets q_, qd_ and axes_.
+  void TakeRootInSpace(const PrimitivePose& entry, const TwinState& truth);
+  /// The root's pitch, or in space the angle of what is vertical with what is at a node's exit.
+  [[nodiscard]] double AngleOf(const TwinState& truth, int node) const;
   void BeginMotion(int node, bool after_another, const TwinState& truth);
   void EndMotion(int node, std::int64_t time_ns, const TwinState& truth);
   void JudgeUnderWay(double time_s, const TwinState& truth);
@@ -62,13 +70,15 @@ class PurposeJudge {
   std::vector<std::size_t> joint_dofs_, passive_dofs_;
   std::vector<std::vector<PurposeGauge>> gauges_;  // of each primitive's targets
   std::vector<double> q_, qd_;                     // room for a state in the coordinates of a task
+  SpaceMatrix axes_ = SpaceMatrix::Identity();     // of the root in space, likewise
   ExecutorState last_ = ExecutorState::kDisarmed;
   bool rolls_ = false;  // whether the motion was being rolled out
   int moving_ = -1;
   double expected_pitch_rad_ = 0;
   std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root
   // Of the last motion that began:
-  double start_x_m_ = 0;
+  double start_x_m_ = 0, start_y_m_ = 0;
+  double turned_about_z_rad_ = 0;        // In space: its heading is that of the task plus this.
   double turned_rad_ = 0;                // The robot's pitch is that of the task plus this.
   std::vector<JudgedTarget> under_way_;  // its purpose, until it ends
   // Of the last motion that ended, until another begins:

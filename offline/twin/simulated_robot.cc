@@ -74,21 +74,34 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
   RequireOneRobot(simulated);
   const SequenceFile& motion = simulated.file();
   const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
-  const Scene& scene = config.scene ? *config.scene : simulated.scene();
+  const Problem& problem = simulated.problem();
+  const Scene& scene = config.scene ? *config.scene : problem.scene;
+  const SpaceScene* space = nullptr;
+  if (problem.space) space = config.space_scene ? &*config.space_scene : &problem.space->scene;
+  const std::vector<Motor>& motors = space != nullptr ? space->motors : scene.motors;
   std::vector<SimulatedDrive*> pointers;
   for (std::size_t j = 0; j < first.motions().size(); ++j) {
     const double torque_max_nm = LargestTorqueLimit(motion, j);
     joints_.emplace_back(first.joints[j].name.view());
     const DriveEntry& entry = DriveOf(drives, joints_.back());
     const JointMotor motor = j < config.motors.size() ? config.motors[j] : JointMotor{};
-    const Motor of_task = j < scene.motors.size() ? scene.motors[j] : Motor{};
+    const Motor of_task = j < motors.size() ? motors[j] : Motor{};
     drives_.push_back(
         MakeSimulatedDrive(entry, AtShaft(motor, of_task, torque_max_nm, JointOf(entry.config))));
     drives_.back()->AttachTo(bus_);
     pointers.push_back(drives_.back().get());
   }
   const PrimitivePose start = config.start.value_or(StartOf(motion));
-  twin_ = std::make_unique<Twin>(scene, start, config.twin, bus_, pointers);
+  if (space != nullptr) {
+    if (drives.sensor) {
+      throw std::invalid_argument(
+          "a sensor is simulated on robots in the plane only so far; leave [sensor] out of the "
+          "drives of a robot in space");
+    }
+    twin_ = std::make_unique<Twin>(*space, start, config.twin, bus_, pointers);
+  } else {
+    twin_ = std::make_unique<Twin>(scene, start, config.twin, bus_, pointers);
+  }
   if (drives.sensor) {
     const std::vector<LinkChain> chains = LinkChainsOf(scene.robot);
     const auto found = std::ranges::find(chains, drives.sensor->link, &LinkChain::link);
@@ -103,15 +116,18 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     sensor_->AttachTo(bus_);
   }
   PostureWatch::Slides slides;
-  const auto does_slide = [&scene](std::size_t dof) {
-    return scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
+  const auto look = [&](const auto& robot) {
+    const auto does_slide = [&robot](std::size_t dof) {
+      return robot.tree.dofs[dof].kind == JointKind::kPrismatic;
+    };
+    for (std::size_t j = 0; j < robot.joint_count(); ++j)
+      slides.joints.push_back(does_slide(robot.DofOfJoint(j)));
+    for (const PassiveJoint& joint : robot.passive) {
+      slides.passive.push_back(does_slide(Index(joint.dof)));
+      passive_joints_.push_back(robot.tree.dofs[Index(joint.dof)].name);
+    }
   };
-  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j)
-    slides.joints.push_back(does_slide(scene.robot.DofOfJoint(j)));
-  for (const PassiveJoint& joint : scene.robot.passive) {
-    slides.passive.push_back(does_slide(Index(joint.dof)));
-    passive_joints_.push_back(scene.robot.tree.dofs[Index(joint.dof)].name);
-  }
+  space != nullptr ? look(space->robot) : look(scene.robot);
   posture_ = std::make_unique<PostureWatch>(motion, config.posture, start, std::move(slides));
 }
 

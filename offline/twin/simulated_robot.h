@@ -48,6 +48,8 @@ struct SimulatedRobotConfig {
   /// The robot and its ground, which the configuration of the twin changes. None: those of the
   /// motion. Joints and obstacles are as many, in the same order.
   std::optional<Scene> scene;
+  /// The same of a robot in space.
+  std::optional<SpaceScene> space_scene;
   /// The pose in which the robot begins, at rest. None: the start of the motion.
   std::optional<PrimitivePose> start;
   /// In the order of the motion's joints. Joints without an entry have the defaults.

@@ -35,7 +35,7 @@ class SimulatedWorld final : public World {
  public:
   SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
                  const SimulatedWorldConfig& config)
-      : SimulatedWorld(SimulatedMotion(file), file, drives, config) {}
+      : SimulatedWorld(SimulatedMotion(file, TaskSpaces::kPlaneAndSpace), file, drives, config) {}
   CanBus& bus() override { return host_; }
   Clock& clock() override { return *clock_; }
   [[nodiscard]] bool real_time() const override { return paced_; }
@@ -68,9 +68,10 @@ class SimulatedWorld final : public World {
   SimulatedWorld(const SimulatedMotion& motion, const SequenceFile& file,
                  const DrivesConfig& drives, const SimulatedWorldConfig& config)
       : robot_(motion, drives, RobotOf(motion, config)),
-        fixed_(motion.scene().robot.root_dofs == 0),
-        hinged_(motion.scene().robot.hinged()),
-        judge_(file, motion.scene().robot),
+        fixed_(!motion.problem().space && motion.scene().robot.root_dofs == 0),
+        hinged_(!motion.problem().space && motion.scene().robot.hinged()),
+        judge_(motion.problem().space ? PurposeJudge(file, motion.problem().space->scene.robot)
+                                      : PurposeJudge(file, motion.scene().robot)),
         host_(robot_.bus().Attach(drives.HostPort())),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
@@ -144,13 +145,11 @@ Simulation MakeSimulation() {
   };
   simulation.damping_notes = [](const SequenceFile& file, const DrivesConfig& drives,
                                 const SimulatedWorldConfig* config) {
-    const SimulatedMotion motion(file);
-    std::optional<std::int64_t> step_ns;
-    if (config != nullptr) {
-      const TwinConfig twin = RobotOf(motion, *config).twin;
-      if (twin.steps == TwinConfig::Steps::kFixed) step_ns = twin.step_ns;
-    }
-    return DampingNotes(motion, drives, step_ns);
+    const SimulatedMotion motion(file, TaskSpaces::kPlaneAndSpace);
+    if (config == nullptr) return DampingNotes(motion, drives, nullptr);
+    const TwinConfig twin = RobotOf(motion, *config).twin;
+    const bool fixed = twin.steps == TwinConfig::Steps::kFixed;
+    return DampingNotes(motion, drives, fixed ? &twin : nullptr);
   };
   return simulation;
 }

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -11,7 +13,7 @@
 #include <vector>
 
 #include <lcm/lcm-cpp.hpp>
-#include <tumbler/truth_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 
 #include "common/files/result_file.h"
 #include "runtime/record/channels.h"
@@ -19,10 +21,11 @@
 namespace tumbler {
 namespace {
 
-truth_t MessageOf(const SimulatedRobot& robot) {
+space_truth_t MessageOf(const SimulatedRobot& robot) {
   const TwinState& state = robot.state();
   const PostureWatch& posture = robot.posture();
-  truth_t message{};
+  space_truth_t in_space{};
+  truth_t& message = in_space.truth;
   message.time_ns = state.time_ns;
   message.root_x_m = state.root_x_m;
   message.root_z_m = state.root_z_m;
@@ -35,7 +38,7 @@ truth_t MessageOf(const SimulatedRobot& robot) {
   message.falls = posture.falls();
   message.resting_as = posture.resting_as();
   message.push_x_n = state.push_n[0];
-  message.push_z_n = state.push_n[1];
+  message.push_z_n = state.push_n[2];
   message.peak_penetration_m = state.peak_penetration_m;
   for (std::size_t j = 0; j < robot.joint_count(); ++j) {
     const SimulatedDrive& drive = robot.drive(j);
@@ -66,7 +69,21 @@ truth_t MessageOf(const SimulatedRobot& robot) {
     message.contacts.push_back(contact);
   }
   message.contact_count = static_cast<std::int32_t>(message.contacts.size());
-  return message;
+  if (!state.is_in_space()) return in_space;
+  in_space.root_y_m = state.root_y_m;
+  in_space.root_vy_m_s = state.root_vy_m_s;
+  std::ranges::copy(state.root_quaternion, std::begin(in_space.root_quaternion));
+  std::ranges::copy(state.root_angular_velocity_rad_s,
+                    std::begin(in_space.root_angular_velocity_rad_s));
+  in_space.push_y_n = state.push_n[1];
+  return in_space;
+}
+
+/// A message truth_t or space_truth_t.
+template <typename Message>
+void Encode(const Message& message, std::vector<std::uint8_t>& bytes) {
+  bytes.resize(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
 }
 
 }  // namespace
@@ -108,10 +125,9 @@ void TruthLog::Observe(const SimulatedRobot& robot) {
   const std::int64_t now_ns = robot.now_ns();
   if (now_ns < m.due_ns) return;
   m.due_ns = (now_ns / m.config.period_ns + 1) * m.config.period_ns;
-  const truth_t message = MessageOf(robot);
-  m.bytes.resize(static_cast<std::size_t>(message.getEncodedSize()));
+  const space_truth_t message = MessageOf(robot);
+  robot.state().is_in_space() ? Encode(message, m.bytes) : Encode(message.truth, m.bytes);
   const int size = static_cast<int>(m.bytes.size());
-  message.encode(m.bytes.data(), 0, size);
   if (m.log && !m.failed) {
     lcm::LogEvent event{};
     event.eventnum = m.written++;

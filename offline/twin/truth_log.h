@@ -22,8 +22,8 @@ struct TruthLogConfig {
   std::int64_t utime_at_zero_us = 0;
 };
 
-/// Writes and publishes the true state of a simulated robot (truth_t). It allocates and may block,
-/// so it must not run in a loop that has deadlines.
+/// Writes and publishes the true state of a simulated robot (truth_t, or space_truth_t of a robot
+/// in space). It allocates and may block, so it must not run in a loop that has deadlines.
 class TruthLog {
  public:
   /// @throws std::runtime_error naming the file or URL that cannot be opened.

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <type_traits>
+#include <utility>
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
+#include "offline/problem/space_task.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/scene/stepper.h"
 
@@ -21,7 +24,8 @@ constexpr double kSlowEnough = 1.4;
 /// joint's inertia changes as the robot moves.
 constexpr double kLargestStiffness = 0.1, kLargestDamping = 0.25;
 
-int BodyOf(const PlanarRobot& robot, const std::string& link) {
+template <class Robot>
+int BodyOf(const Robot& robot, const std::string& link) {
   const std::vector<std::string>& names = robot.body_names;
   // All degrees of freedom of the root have the name of its link, and the last one moves it.
   for (std::size_t i = names.size(); i-- > 0;) {
@@ -30,7 +34,8 @@ int BodyOf(const PlanarRobot& robot, const std::string& link) {
   throw std::invalid_argument("the robot has no link '" + link + "'");
 }
 
-int ObstacleOf(const Scene& scene, const std::string& name) {
+template <class AScene>
+int ObstacleOf(const AScene& scene, const std::string& name) {
   for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
     if (scene.obstacles[i].name == name) return static_cast<int>(i);
   }
@@ -43,8 +48,35 @@ PrimitivePose Lifted(PrimitivePose start, double stand_m) {
   return start;
 }
 
+/// x and z, or all three.
+template <class Space>
+typename Space::Vector VectorIn(const std::array<double, 3>& v) {
+  if constexpr (std::is_same_v<Space, Plane>) {
+    return {v[0], v[2]};
+  } else {
+    return {v[0], v[1], v[2]};
+  }
+}
+
+std::vector<double> StartPositions(const PrimitivePose& pose, const Scene& scene) {
+  return PositionsIn(pose, scene.robot);
+}
+std::vector<double> StartPositions(const PrimitivePose& pose, const SpaceScene& scene) {
+  if (pose.joint_positions_rad.size() != scene.robot.joint_count())
+    throw std::invalid_argument("a pose needs every joint");
+  return ToSpacePose(pose).q;
+}
+
+template <class Space>
+RootChart<Space> ChartAt(const PrimitivePose& pose) {
+  RootChart<Space> chart;
+  if constexpr (RootChart<Space>::kMoves) chart.axes = ToRotation(pose.root_quaternion);
+  return chart;
+}
+
 /// The friction of a joint in a twin.
-Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) {
+template <class AScene>
+Motor LossesOf(const AScene& scene, std::size_t joint, const TwinConfig& config) {
   const JointLosses losses = joint < config.joints.size() ? config.joints[joint] : JointLosses{};
   Motor motor{.viscous_friction_nm_s_per_rad = kUsualViscousFriction_nm_s_per_rad,
               .dry_friction_nm = scene.robot.dry_friction_nm[scene.robot.DofOfJoint(joint)]};
@@ -57,21 +89,29 @@ Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) 
 
 /// The scene with the twin's own contact law, obstacles, masses and losses, and with every joint
 /// driven by a torque. In a stand the root stays where it is, and on a bar its x and z do.
-Scene Changed(Scene scene, const TwinConfig& config) {
+template <class Space>
+SceneOf<Space> Changed(SceneOf<Space> scene, const TwinConfig& config) {
   if (config.contact) scene.contact = *config.contact;
-  for (const Obstacle<Plane>& obstacle : config.obstacles) scene.obstacles.push_back(obstacle);
-  std::vector<Dof<Plane>>& dofs = scene.robot.tree.dofs;
+  const auto more = [&config] {
+    if constexpr (std::is_same_v<Space, Plane>) {
+      return config.obstacles;
+    } else {
+      return config.obstacles_in_space;
+    }
+  };
+  for (const Obstacle<Space>& obstacle : more()) scene.obstacles.push_back(obstacle);
+  std::vector<Dof<Space>>& dofs = scene.robot.tree.dofs;
   for (const auto& [link, factor] : config.mass_factor) {
-    Dof<Plane>& dof = dofs[Index(BodyOf(scene.robot, link))];
+    Dof<Space>& dof = dofs[Index(BodyOf(scene.robot, link))];
     dof.mass_kg *= factor;
-    dof.inertia_kg_m2 *= factor;
+    dof.inertia_kg_m2 = dof.inertia_kg_m2 * factor;
   }
   std::vector<Motor> motors;
   if (config.stand_m > 0) {
     for (std::size_t i = 0; i < Index(scene.robot.root_dofs); ++i) dofs[i].prescribed = true;
   }
   for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
-    Dof<Plane>& dof = dofs[scene.robot.DofOfJoint(j)];
+    Dof<Space>& dof = dofs[scene.robot.DofOfJoint(j)];
     dof.prescribed = false;
     const Motor motor = LossesOf(scene, j, config);
     // The scene's damping has the friction of its own motors.
@@ -88,18 +128,42 @@ Scene Changed(Scene scene, const TwinConfig& config) {
 
 }  // namespace
 
-struct Twin::Implementation {
-  Implementation(const Scene& nominal, const PrimitivePose& start, const TwinConfig& c,
-                 SimulatedBus& b, std::vector<SimulatedDrive*> d)
+/// A twin in the plane or in space, by what `Twin` does.
+class TwinBody {
+ public:
+  TwinBody() = default;
+  virtual ~TwinBody() = default;
+  TwinBody(const TwinBody&) = delete;
+  TwinBody& operator=(const TwinBody&) = delete;
+  virtual void AdvanceTo(std::int64_t time_ns) = 0;
+  [[nodiscard]] virtual const TwinState& state() const = 0;
+  [[nodiscard]] virtual std::vector<TwinContact> contacts() const = 0;
+  virtual void Displace(std::span<const double> q, std::span<const double> v) = 0;
+  virtual void ForgetImpacts() = 0;
+  virtual void PutBack() = 0;
+};
+
+namespace {
+
+template <class Space>
+class TwinIn final : public TwinBody {
+  using Dynamics = SceneDynamicsIn<Space>;
+  using Vector = typename Space::Vector;
+
+ public:
+  TwinIn(const SceneOf<Space>& nominal, const PrimitivePose& start, const TwinConfig& c,
+         SimulatedBus& b, std::vector<SimulatedDrive*> d)
       : config(c),
-        scene(Changed(nominal, c)),
+        scene(Changed<Space>(nominal, c)),
         robot(scene),
         distances(scene.robot, scene.self_contact.All()),
         bus(b),
         drives(std::move(d)),
-        start_positions(PositionsIn(Lifted(start, c.stand_m), scene.robot)),
+        start_positions(StartPositions(Lifted(start, c.stand_m), scene)),
         start_state(robot.AtRest(start_positions)),
         y(start_state),
+        start_chart(ChartAt<Space>(start)),
+        chart(start_chart),
         stands(c.stand_m > 0),
         held(c.held && !stands) {
     if (drives.size() != scene.robot.joint_count()) {
@@ -110,6 +174,7 @@ struct Twin::Implementation {
     for (std::size_t i = 0; i < robot.free.size(); ++i)
       place[Index(robot.free[i])] = static_cast<int>(i);
     std::copy(start_positions.begin(), start_positions.end(), robot.q.begin());
+    robot.Use(chart);
     for (const Push& push : config.pushes) push_bodies.push_back(BodyOf(scene.robot, push.link));
     for (const FrictionPatch& patch : config.patches) {
       patch_obstacles.push_back(ObstacleOf(scene, patch.obstacle));
@@ -123,6 +188,16 @@ struct Twin::Implementation {
     told.passive_velocities_rad_s.resize(passive);
     Drive();
   }
+
+  void AdvanceTo(std::int64_t target_ns) override;
+  [[nodiscard]] const TwinState& state() const override;
+  [[nodiscard]] std::vector<TwinContact> contacts() const override;
+  void Displace(std::span<const double> more_q, std::span<const double> more_v) override;
+  void ForgetImpacts() override;
+  void PutBack() override;
+
+ private:
+  void TellRoot() const;
 
   /// A joint without a motor has no rotor, so that its stop may be too hard for the steps.
   void FindPassiveStops() {
@@ -174,14 +249,14 @@ struct Twin::Implementation {
     return {stiffness, damping, limits.lower_rad, limits.upper_rad};
   }
 
-  [[nodiscard]] int BodyOfContact(const ActiveContact<Plane>& active) const {
+  [[nodiscard]] int BodyOfContact(const ActiveContact<Space>& active) const {
     return scene.robot.shapes[Index(active.shape)].body;
   }
 
   /// Gives every contact on a patch the friction of the patch.
   void ApplyPatches() {
-    HybridDynamics<Plane>& dynamics = robot.dynamics;
-    for (const ActiveContact<Plane>& active : robot.contact->active()) {
+    HybridDynamics<Space>& dynamics = robot.dynamics;
+    for (const ActiveContact<Space>& active : robot.contact->active()) {
       const double x = dynamics.origin().x() + active.point.x();
       const FrictionPatch* on = nullptr;
       for (std::size_t p = 0; p < config.patches.size(); ++p) {
@@ -191,16 +266,16 @@ struct Twin::Implementation {
       }
       if (on == nullptr) continue;
       const int body = BodyOfContact(active);
-      const Plane::Vector v = dynamics.velocity(body).At(active.point);
-      const Plane::Vector v_t = v - v.dot(active.normal) * active.normal;
+      const Vector v = dynamics.velocity(body).At(active.point);
+      const Vector v_t = v - v.dot(active.normal) * active.normal;
       const double more = (on->mu - scene.contact.mu) * std::abs(active.normal_force_n) *
                           EvaluateFrictionGain(scene.contact, v_t.squaredNorm()).gain;
-      dynamics.AddWrench(body, Plane::ForceAt(active.point, -more * v_t));
+      dynamics.AddWrench(body, Space::ForceAt(active.point, -more * v_t));
     }
   }
 
   void ApplyPushes() {
-    HybridDynamics<Plane>& dynamics = robot.dynamics;
+    HybridDynamics<Space>& dynamics = robot.dynamics;
     push_n = {};
     for (std::size_t p = 0; p < config.pushes.size(); ++p) {
       const Push& push = config.pushes[p];
@@ -209,12 +284,10 @@ struct Twin::Implementation {
           1e-9 * static_cast<double>(time_ns - (push.since_enabled ? enabled_ns : 0));
       if (since_s < push.start_s || since_s >= push.start_s + push.duration_s) continue;
       const int body = push_bodies[p];
-      const Plane::Vector at =
-          dynamics.position(body) +
-          dynamics.rotation(body) * Plane::Vector(push.point_m[0], push.point_m[1]);
-      dynamics.AddWrench(body, Plane::ForceAt(at, {push.force_n[0], push.force_n[1]}));
-      push_n[0] += push.force_n[0];
-      push_n[1] += push.force_n[1];
+      const Vector at =
+          dynamics.position(body) + dynamics.rotation(body) * VectorIn<Space>(push.point_m);
+      dynamics.AddWrench(body, Space::ForceAt(at, VectorIn<Space>(push.force_n)));
+      for (std::size_t i = 0; i < 3; ++i) push_n[i] += push.force_n[i];
     }
   }
 
@@ -226,7 +299,7 @@ struct Twin::Implementation {
   }
 
   /// The slope after Touch, with these torques of the drives.
-  void Solve(const SceneDynamics::Numbers& torques, double* k) {
+  void Solve(const typename Dynamics::Numbers& torques, double* k) {
     robot.tau = torques;
     for (std::size_t j = 0; j < drives.size(); ++j) {
       const std::size_t dof = scene.robot.DofOfJoint(j);
@@ -241,7 +314,7 @@ struct Twin::Implementation {
   void NoteContacts() {
     normal_force = 0;
     touching.clear();
-    for (const ActiveContact<Plane>& a : robot.contact->active()) {
+    for (const ActiveContact<Space>& a : robot.contact->active()) {
       peak_penetration = std::max(peak_penetration, a.depth_m);
       normal_force += a.normal_force_n;
       touching.push_back(a);
@@ -253,9 +326,9 @@ struct Twin::Implementation {
   }
 
   /// The speed with which a contact's point moves into what it touches.
-  [[nodiscard]] double ApproachOf(const ActiveContact<Plane>& active) const {
-    const HybridDynamics<Plane>& dynamics = robot.dynamics;
-    Plane::Vector v = dynamics.velocity(BodyOfContact(active)).At(active.point);
+  [[nodiscard]] double ApproachOf(const ActiveContact<Space>& active) const {
+    const HybridDynamics<Space>& dynamics = robot.dynamics;
+    Vector v = dynamics.velocity(BodyOfContact(active)).At(active.point);
     if (active.other_shape >= 0) {
       const int other = scene.robot.shapes[Index(active.other_shape)].body;
       v -= dynamics.velocity(other).At(active.point);
@@ -267,18 +340,29 @@ struct Twin::Implementation {
   /// that is far shorter than contact would need.
   void Integrate(double h) {
     StepRungeKutta<kMidpoint>(y, 2 * robot.free.size(), h,
-                              [this](int s, const SceneDynamics::State& state, double* k) {
+                              [this](int s, const typename Dynamics::State& state, double* k) {
                                 robot.SetFree(state);
                                 Touch();
                                 Solve(drive_torque, k);
                                 if (s == 0) NoteContacts();
                                 return true;
                               });
+    MoveChart();
+  }
+
+  /// Turns the root's axes after a step.
+  void MoveChart() {
+    if constexpr (RootChart<Space>::kMoves) {
+      if (stands) return;
+      constexpr std::size_t kFirst = RootChart<Space>::kFirst;
+      chart.MoveOn(&y[kFirst], &y[robot.free.size() + kFirst]);
+      robot.Use(chart);
+    }
   }
 
   /// The torques of the drives at a time after their last step, in the state that the robot is in.
-  [[nodiscard]] SceneDynamics::Numbers TorquesAt(std::int64_t at_ns) const {
-    SceneDynamics::Numbers torques{};
+  [[nodiscard]] typename Dynamics::Numbers TorquesAt(std::int64_t at_ns) const {
+    typename Dynamics::Numbers torques{};
     for (std::size_t j = 0; j < drives.size(); ++j) {
       const std::size_t dof = scene.robot.DofOfJoint(j);
       torques[dof] = drives[j]->TorqueAt(at_ns, robot.q[dof], robot.qd[dof]);
@@ -322,7 +406,7 @@ struct Twin::Implementation {
       const std::int64_t steps = (left_ns + wanted_step_ns - 1) / wanted_step_ns;
       const std::int64_t step_ns = (left_ns + steps - 1) / steps;
       const double h = 1e-9 * static_cast<double>(step_ns);
-      SceneDynamics::State later, middle_slope, end_slope;
+      typename Dynamics::State later, middle_slope, end_slope;
       for (std::size_t i = 0; i < 2 * n; ++i) later[i] = y[i] + 0.5 * h * slope[i];
       Evaluate(later, time_ns + step_ns / 2, middle_slope);
       for (std::size_t i = 0; i < 2 * n; ++i) later[i] = y[i] + h * middle_slope[i];
@@ -358,12 +442,17 @@ struct Twin::Implementation {
       slope = end_slope;
       time_ns += step_ns;
       at_start = AtStart::kSolved;
+      if constexpr (RootChart<Space>::kMoves) {
+        MoveChart();
+        at_start = AtStart::kUnknown;  // The slope is that of the chart before.
+      }
       return;
     }
   }
 
   /// The slope in a state at a time within a step.
-  void Evaluate(const SceneDynamics::State& state, std::int64_t at_ns, SceneDynamics::State& k) {
+  void Evaluate(const typename Dynamics::State& state, std::int64_t at_ns,
+                typename Dynamics::State& k) {
     robot.SetFree(state);
     Touch();
     slope_torque = TorquesAt(at_ns);
@@ -377,7 +466,7 @@ struct Twin::Implementation {
     bus.AdvanceTo(time_ns);
     Drive();
     if (at_start != AtStart::kSolved) return;
-    SceneDynamics::Numbers more{}, acceleration{};
+    typename Dynamics::Numbers more{}, acceleration{};
     for (std::size_t i = 0; i < robot.n; ++i) more[i] = drive_torque[i] - slope_torque[i];
     robot.dynamics.Respond({more.data(), robot.n}, {acceleration.data(), robot.n});
     for (std::size_t i = 0; i < robot.free.size(); ++i)
@@ -406,19 +495,20 @@ struct Twin::Implementation {
   }
 
   TwinConfig config;
-  Scene scene;
-  SceneDynamics robot;
-  mutable SelfDistances distances;  // with room for its work
+  SceneOf<Space> scene;
+  Dynamics robot;
+  mutable SelfDistancesIn<Space> distances;  // with room for its work
   SimulatedBus& bus;
   std::vector<SimulatedDrive*> drives;
   std::vector<double> start_positions;  // of all degrees of freedom
-  SceneDynamics::State start_state, y;
+  typename Dynamics::State start_state, y;
+  RootChart<Space> start_chart, chart;
   std::vector<int> place;  // of each degree of freedom in the state; -1: stand or bar holds it
-  SceneDynamics::Numbers drive_torque{};
+  typename Dynamics::Numbers drive_torque{};
   std::vector<std::pair<std::size_t, JointStop<double>>> passive_stops;  // with their places
   std::vector<int> push_bodies, patch_obstacles;
-  std::vector<ActiveContact<Plane>> touching;
-  std::array<double, 2> push_n{};
+  std::vector<ActiveContact<Space>> touching;
+  std::array<double, 3> push_n{};
   std::int64_t time_ns = 0;
   std::int64_t enabled_ns = -1;  // when all drives were first enabled; -1: not yet
   bool stands;
@@ -429,8 +519,8 @@ struct Twin::Implementation {
     kSolved,  ///< The slope with these torques of the drives. `robot` is in the state.
   };
   AtStart at_start = AtStart::kUnknown;
-  SceneDynamics::State slope{};
-  SceneDynamics::Numbers slope_torque{};  // with which the last slope was found
+  typename Dynamics::State slope{};
+  typename Dynamics::Numbers slope_torque{};  // with which the last slope was found
   std::int64_t wanted_step_ns = config.step_ns;
   mutable TwinState told;  // with room for its work
   mutable bool told_is_true = false;
@@ -440,110 +530,141 @@ struct Twin::Implementation {
   int impact_body = -1;  // -1: nothing was touched
 };
 
-Twin::Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config,
-           SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
-    : implementation_(
-          std::make_unique<Implementation>(scene, start, config, bus, std::move(drives))) {}
-Twin::~Twin() = default;
-
-void Twin::AdvanceTo(std::int64_t time_ns) {
-  Implementation& m = *implementation_;
-  m.told_is_true = false;
-  if (m.config.steps == TwinConfig::Steps::kErrorBound) return m.AdvanceWithinError(time_ns);
-  while (m.time_ns < time_ns) {
-    const std::int64_t next = std::min(m.time_ns + m.config.step_ns, time_ns);
-    m.bus.AdvanceTo(m.time_ns);
-    m.Drive();
-    if (!m.held) m.Integrate(1e-9 * static_cast<double>(next - m.time_ns));
-    m.time_ns = next;
+template <class Space>
+void TwinIn<Space>::AdvanceTo(std::int64_t target_ns) {
+  told_is_true = false;
+  if (config.steps == TwinConfig::Steps::kErrorBound) return AdvanceWithinError(target_ns);
+  while (time_ns < target_ns) {
+    const std::int64_t next = std::min(time_ns + config.step_ns, target_ns);
+    bus.AdvanceTo(time_ns);
+    Drive();
+    if (!held) Integrate(1e-9 * static_cast<double>(next - time_ns));
+    time_ns = next;
   }
-  m.bus.AdvanceTo(time_ns);
-  m.Drive();
+  bus.AdvanceTo(target_ns);
+  Drive();
 }
 
-const TwinState& Twin::state() const {
-  const Implementation& m = *implementation_;
-  TwinState& state = m.told;
-  if (m.told_is_true) return state;
-  m.told_is_true = true;
-  state.time_ns = m.time_ns;
-  state.held = m.held || m.stands;
-  state.enabled_ns = m.enabled_ns;
-  state.push_n = m.push_n;
-  if (m.scene.robot.root_dofs == 3) {
-    state.root_x_m = m.q(0);
-    state.root_z_m = m.q(1);
-    state.root_pitch_rad = m.q(2);
-    state.root_vx_m_s = m.qd(0);
-    state.root_vz_m_s = m.qd(1);
-    state.root_pitch_rate_rad_s = m.qd(2);
+template <class Space>
+void TwinIn<Space>::TellRoot() const {
+  if constexpr (std::is_same_v<Space, Plane>) {
+    if (scene.robot.root_dofs != 3) return;
+    told.root_x_m = q(0);
+    told.root_z_m = q(1);
+    told.root_pitch_rad = q(2);
+    told.root_vx_m_s = qd(0);
+    told.root_vz_m_s = qd(1);
+    told.root_pitch_rate_rad_s = qd(2);
+  } else {
+    told.root_x_m = q(0);
+    told.root_y_m = q(1);
+    told.root_z_m = q(2);
+    told.root_vx_m_s = qd(0);
+    told.root_vy_m_s = qd(1);
+    told.root_vz_m_s = qd(2);
+    // Between steps the angles are 0, and their rates the angular velocity about -y, x and z.
+    told.root_quaternion = ToQuaternion(chart.axes);
+    const SpaceVector w = chart.axes * SpaceVector(qd(4), -qd(3), qd(5));
+    told.root_angular_velocity_rad_s = {w.x(), w.y(), w.z()};
   }
-  for (std::size_t j = 0; j < m.scene.robot.joint_count(); ++j) {
-    const std::size_t dof = m.scene.robot.DofOfJoint(j);
-    state.joint_positions_rad[j] = m.q(dof);
-    state.joint_velocities_rad_s[j] = m.qd(dof);
-    state.joint_torques_nm[j] = m.drive_torque[dof];
+}
+
+template <class Space>
+const TwinState& TwinIn<Space>::state() const {
+  if (told_is_true) return told;
+  told_is_true = true;
+  told.time_ns = time_ns;
+  told.held = held || stands;
+  told.enabled_ns = enabled_ns;
+  told.push_n = push_n;
+  TellRoot();
+  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
+    const std::size_t dof = scene.robot.DofOfJoint(j);
+    told.joint_positions_rad[j] = q(dof);
+    told.joint_velocities_rad_s[j] = qd(dof);
+    told.joint_torques_nm[j] = drive_torque[dof];
   }
-  for (std::size_t i = 0; i < m.scene.robot.passive.size(); ++i) {
-    const std::size_t dof = Index(m.scene.robot.passive[i].dof);
-    state.passive_positions_rad[i] = m.q(dof);
-    state.passive_velocities_rad_s[i] = m.qd(dof);
+  for (std::size_t i = 0; i < scene.robot.passive.size(); ++i) {
+    const std::size_t dof = Index(scene.robot.passive[i].dof);
+    told.passive_positions_rad[i] = q(dof);
+    told.passive_velocities_rad_s[i] = qd(dof);
   }
-  state.peak_penetration_m = m.peak_penetration;
-  state.impact_m_s = m.impact;
-  state.impact_link.clear();
-  if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];
-  SceneDynamics::Numbers positions{};
-  for (std::size_t dof = 0; dof < m.robot.n; ++dof) positions[dof] = m.q(dof);
-  const SelfClearance own = m.distances.Nearest({positions.data(), m.robot.n}, 0);
+  told.peak_penetration_m = peak_penetration;
+  told.impact_m_s = impact;
+  told.impact_link.clear();
+  if (impact_body >= 0) told.impact_link = scene.robot.body_names[Index(impact_body)];
+  typename Dynamics::Numbers positions{};
+  for (std::size_t dof = 0; dof < robot.n; ++dof) positions[dof] = q(dof);
+  const SelfClearance own = distances.Nearest({positions.data(), robot.n}, 0);
   const bool overlaps = own.distance_m < 0;
-  state.self_overlap_m = overlaps ? -own.distance_m : 0;
-  state.overlapping = overlaps ? NameOf(m.scene.robot, own.pair) : "";
-  state.normal_force_n = m.normal_force;
-  return state;
+  told.self_overlap_m = overlaps ? -own.distance_m : 0;
+  told.overlapping = overlaps ? NameOf(scene.robot, own.pair) : "";
+  told.normal_force_n = normal_force;
+  return told;
 }
 
-std::vector<TwinContact> Twin::contacts() const {
-  const Implementation& m = *implementation_;
+template <class Space>
+std::vector<TwinContact> TwinIn<Space>::contacts() const {
   std::vector<TwinContact> contacts;
-  for (const ActiveContact<Plane>& active : m.touching) {
-    contacts.push_back({m.scene.robot.body_names[Index(m.BodyOfContact(active))],
-                        TouchedName(m.scene, active), active.normal_force_n});
+  for (const ActiveContact<Space>& active : touching) {
+    contacts.push_back({scene.robot.body_names[Index(BodyOfContact(active))],
+                        TouchedName(scene, active), active.normal_force_n});
   }
   return contacts;
 }
 
-void Twin::Displace(std::span<const double> q, std::span<const double> v) {
-  Implementation& m = *implementation_;
-  m.told_is_true = false;
-  const std::size_t root = Index(m.scene.robot.root_dofs);
-  const std::size_t count = root + m.scene.robot.joint_count();
-  if (q.size() != count || v.size() != count)
+template <class Space>
+void TwinIn<Space>::Displace(std::span<const double> more_q, std::span<const double> more_v) {
+  told_is_true = false;
+  const std::size_t root = Index(scene.robot.root_dofs);
+  const std::size_t count = root + scene.robot.joint_count();
+  if (more_q.size() != count || more_v.size() != count)
     throw std::invalid_argument("the root's degrees of freedom and each joint need one number");
   for (std::size_t i = 0; i < count; ++i) {
-    const int place = m.place[i < root ? i : m.scene.robot.DofOfJoint(i - root)];
-    if (place < 0) continue;
-    m.y[Index(place)] += q[i];
-    m.y[m.robot.free.size() + Index(place)] += v[i];
+    const int at = place[i < root ? i : scene.robot.DofOfJoint(i - root)];
+    if (at < 0) continue;
+    y[Index(at)] += more_q[i];
+    y[robot.free.size() + Index(at)] += more_v[i];
   }
-  m.at_start = Implementation::AtStart::kUnknown;
+  MoveChart();
+  at_start = AtStart::kUnknown;
 }
 
-void Twin::ForgetImpacts() {
-  implementation_->told_is_true = false;
-  implementation_->impact = 0;
-  implementation_->impact_body = -1;
+template <class Space>
+void TwinIn<Space>::ForgetImpacts() {
+  told_is_true = false;
+  impact = 0;
+  impact_body = -1;
 }
 
-void Twin::PutBack() {
-  Implementation& m = *implementation_;
-  m.told_is_true = false;
-  m.y = m.start_state;
-  m.at_start = Implementation::AtStart::kUnknown;
-  m.touching.clear();
-  m.normal_force = 0;
-  m.held = m.config.held && !m.stands;
-  m.Drive();
+template <class Space>
+void TwinIn<Space>::PutBack() {
+  told_is_true = false;
+  y = start_state;
+  chart = start_chart;
+  robot.Use(chart);
+  at_start = AtStart::kUnknown;
+  touching.clear();
+  normal_force = 0;
+  held = config.held && !stands;
+  Drive();
 }
+
+}  // namespace
+
+Twin::Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config,
+           SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
+    : body_(std::make_unique<TwinIn<Plane>>(scene, start, config, bus, std::move(drives))) {}
+Twin::Twin(const SpaceScene& scene, const PrimitivePose& start, const TwinConfig& config,
+           SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
+    : body_(std::make_unique<TwinIn<Spatial>>(scene, start, config, bus, std::move(drives))) {}
+Twin::~Twin() = default;
+
+void Twin::AdvanceTo(std::int64_t time_ns) { body_->AdvanceTo(time_ns); }
+const TwinState& Twin::state() const { return body_->state(); }
+std::vector<TwinContact> Twin::contacts() const { return body_->contacts(); }
+void Twin::Displace(std::span<const double> q, std::span<const double> v) { body_->Displace(q, v); }
+void Twin::ForgetImpacts() { body_->ForgetImpacts(); }
+void Twin::PutBack() { body_->PutBack(); }
 
 }  // namespace tumbler

@@ -13,7 +13,9 @@
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/devices/simulated_drive.h"
 #include "offline/scene/joint_stop.h"
+#include "offline/scene/quaternion.h"
 #include "offline/scene/scene.h"
+#include "offline/scene/space_scene.h"
 
 namespace tumbler {
 
@@ -35,8 +37,8 @@ struct Push {
   double start_s = 0;
   double duration_s = 0;
   bool since_enabled = false;       ///< Whether `start_s` counts from when all drives were enabled.
-  std::array<double, 2> force_n{};  ///< x and z in the world.
-  std::array<double, 2> point_m{};  ///< x and z in the link's frame.
+  std::array<double, 3> force_n{};  ///< x, y and z in the world. In the plane y is 0.
+  std::array<double, 3> point_m{};  ///< x, y and z in the link's frame. In the plane y is 0.
 };
 
 /// Part of an obstacle's surface with a friction of its own. Where patches overlap, the last one
@@ -88,8 +90,9 @@ struct TwinConfig {
   std::optional<ContactLaw> contact;
   /// Links, each with the factor of its mass and inertia.
   std::vector<std::pair<std::string, double>> mass_factor;
-  /// These add to the obstacles of the scene.
+  /// These add to the obstacles of the scene: of one in the plane, or of one in space.
   std::vector<Obstacle<Plane>> obstacles;
+  std::vector<Obstacle<Spatial>> obstacles_in_space;
   std::vector<FrictionPatch> patches;
   std::vector<Push> pushes;
 };
@@ -108,6 +111,12 @@ struct TwinState {
   std::int64_t enabled_ns = -1;  ///< When all drives were first enabled; -1: not yet.
   double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
   double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
+  /// Of a robot in space, whose pitch and its rate are 0: the rest of where its root's frame is,
+  /// how that is turned in the world (w, x, y, z), and its velocities in world axes.
+  double root_y_m = 0, root_vy_m_s = 0;
+  Quaternion root_quaternion{};
+  std::array<double, 3> root_angular_velocity_rad_s{};
+  [[nodiscard]] bool is_in_space() const { return root_quaternion != Quaternion{}; }
   std::vector<double> joint_positions_rad;
   std::vector<double> joint_velocities_rad_s;
   std::vector<double> passive_positions_rad;     ///< Of the joints without a motor [rad, m].
@@ -119,16 +128,21 @@ struct TwinState {
   double impact_m_s = 0;
   std::string impact_link;
   double normal_force_n = 0;       ///< Sum over all contacts.
-  std::array<double, 2> push_n{};  ///< Sum of all pushes that act: x, z.
+  std::array<double, 3> push_n{};  ///< Sum of all pushes that act: x, y, z.
   /// By how much the robot's own shapes overlap, which the twin does not prevent; 0 where they do
   /// not. Only those count that are to stay apart.
   double self_overlap_m = 0;
   std::string overlapping;  ///< The two shapes that overlap most: "leg1_link/0 and leg2_link/1".
 };
 
+class TwinBody;
+
 /// The physics of a robot, contact included, behind simulated drives on a simulated bus. Robot and
-/// ground are those of a scene, apart from what the configuration changes. The twin is the only
-/// place that sees both the dynamics and the firmware interface.
+/// ground are those of a scene in the plane or in space, apart from what the configuration changes.
+/// The twin is the only place that sees both the dynamics and the firmware interface.
+///
+/// In space the root's frame is turned after each step (RootChart), so that steps within an error
+/// bound need a slope more each.
 class Twin {
  public:
   /// @param start   the pose in which the robot begins, at rest.
@@ -137,6 +151,9 @@ class Twin {
   ///                                there, a drive is missing, or the step is not positive.
   Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config, SimulatedBus& bus,
        std::vector<SimulatedDrive*> drives);
+  /// The same in space. @pre the start is in space.
+  Twin(const SpaceScene& scene, const PrimitivePose& start, const TwinConfig& config,
+       SimulatedBus& bus, std::vector<SimulatedDrive*> drives);
   ~Twin();
   Twin(const Twin&) = delete;
   Twin& operator=(const Twin&) = delete;
@@ -150,6 +167,7 @@ class Twin {
   /// Moves the robot at once, as a knock does. What a stand or a bar holds stays where it is.
   /// @param q, v  what is added to positions and velocities of all degrees of freedom: x and z of
   ///              the root, its pitch (of a fixed root none), and the joints [m, rad, m/s, rad/s].
+  ///              In space x, y, z, and small angles of pitch, roll and yaw in the root's frame.
   /// @throws std::invalid_argument  when there are not as many.
   void Displace(std::span<const double> q, std::span<const double> v);
   /// Begins anew with the hardest impact.
@@ -159,8 +177,7 @@ class Twin {
   void PutBack();
 
  private:
-  struct Implementation;
-  std::unique_ptr<Implementation> implementation_;
+  std::unique_ptr<TwinBody> body_;
 };
 
 }  // namespace tumbler

@@ -66,6 +66,29 @@ inline constexpr std::array kTwinStartKeys = {
         .Default("the motion's, or where it rests"),
 };
 
+/// The same of a robot in space.
+struct SpaceTwinStart {
+  bool held = TwinConfig{}.held;
+  double stand_m = TwinConfig{}.stand_m;
+  double x_m = 0, y_m = 0;
+  Quaternion quaternion{};
+  std::optional<double> z_m;
+};
+inline constexpr std::array kSpaceTwinStartKeys = {
+    KeyOf<&SpaceTwinStart::held>("held", kTwinStartKeys[0].text.meaning),
+    KeyOf<&SpaceTwinStart::stand_m>("stand_m", {0, 10}, kTwinStartKeys[1].text.meaning),
+    KeyOf<&SpaceTwinStart::x_m>("x_m", kTwinPlace, "of the root link's frame")
+        .Default("the motion's"),
+    KeyOf<&SpaceTwinStart::y_m>("y_m", kTwinPlace, "likewise").Default("the motion's"),
+    KeyOf<&SpaceTwinStart::quaternion>("quaternion", {-1.001, 1.001},
+                                       "how the root's frame is turned: w, x, y, z")
+        .Default("the motion's"),
+    KeyOf<&SpaceTwinStart::z_m>("z_m", kTwinPlace,
+                                "without it a robot that is turned otherwise or has other joints "
+                                "is lowered until it rests")
+        .Default("the motion's, or where it rests"),
+};
+
 /// The values of `[motor]` and `[motor.JOINT]` for a joint.
 struct MotorEntry : JointMotor, JointLosses {};
 inline constexpr Range kMotorSpeed{0, 1e4, true};
@@ -162,6 +185,7 @@ inline constexpr std::array kPatchKeys = {
 struct PushEntry : Push {
   PushEntry() { since_enabled = true; }
   const std::vector<std::string>* links = nullptr;
+  std::array<double, 2> force_in_plane_n{}, point_in_plane_m{};  ///< x and z.
 };
 inline void ReadPushLink(TomlTable& table, std::string_view key, PushEntry& push) {
   push.link = table.String(key);
@@ -178,12 +202,24 @@ inline constexpr std::array kPushKeys = {
         "since", kSince,
         "counted from the start of the simulation, or from when all drives were first enabled"),
     KeyOf<&PushEntry::duration_s, PushEntry>("duration_s", {0, 1e6, true}, "").Required(),
-    KeyOf<&PushEntry::force_n, PushEntry>("force_n", {-1e4, 1e4}, "x, z in the world")
+};
+inline constexpr std::array kPlanePushKeys = {
+    KeyOf<&PushEntry::force_in_plane_n>("force_n", {-1e4, 1e4},
+                                        "x, z in the world; of a robot in space x, y, z")
         .Required()
         .Allowed("two numbers, -10 000 to 10 000"),
-    KeyOf<&PushEntry::point_m, PushEntry>("point_m", kTwinPlace, "x, z in the link's frame")
+    KeyOf<&PushEntry::point_in_plane_m>("point_m", kTwinPlace,
+                                        "x, z in the link's frame; of a robot in space x, y, z")
         .Default("the frame's origin")
         .Allowed("two numbers, -1000 to 1000"),
+};
+inline constexpr std::array kSpacePushKeys = {
+    KeyOf<&PushEntry::force_n, PushEntry>("force_n", {-1e4, 1e4}, "x, y, z in the world")
+        .Required()
+        .Allowed("three numbers, -10 000 to 10 000"),
+    KeyOf<&PushEntry::point_m, PushEntry>("point_m", kTwinPlace, "x, y, z in the link's frame")
+        .Default("the frame's origin")
+        .Allowed("three numbers, -1000 to 1000"),
 };
 
 /// `[sensor]`: errors of the drives file's inertial sensor.

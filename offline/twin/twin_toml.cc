@@ -14,6 +14,7 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/problem/space_task.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/twin/twin_keys.h"
@@ -41,13 +42,17 @@ class TwinReader {
         motion_(motion.file()),
         scene_(motion.scene()),
         folder_(std::move(folder)) {
+    if (motion.problem().space) space_ = motion.problem().space->scene;
     const Primitive<double>& first = motion_.PrimitiveOf(motion_.graph.start).primitive;
     for (const JointMotion<double>& joint : first.motions())
       joints_.emplace_back(joint.name.view());
-    for (std::size_t i = 0; i < scene_.robot.body_names.size(); ++i) {
-      if (!scene_.robot.tree.dofs[i].massless) links_.push_back(scene_.robot.body_names[i]);
-    }
-    for (const Obstacle<Plane>& obstacle : scene_.obstacles) obstacles_.push_back(obstacle.name);
+    const auto take_names = [this](const auto& scene) {
+      for (std::size_t i = 0; i < scene.robot.body_names.size(); ++i) {
+        if (!scene.robot.tree.dofs[i].massless) links_.push_back(scene.robot.body_names[i]);
+      }
+      for (const auto& obstacle : scene.obstacles) obstacles_.push_back(obstacle.name);
+    };
+    space_ ? take_names(*space_) : take_names(scene_);
   }
 
   SimulatedRobotConfig Read() {
@@ -72,9 +77,9 @@ class TwinReader {
     }
     // The start comes last, since it may let the robot come to rest on everything read before.
     std::optional<TomlTable> start = root_.OptionalTable("start");
-    if (start) TakeStartKeys(*start);
+    if (start) space_ ? TakeStartKeysInSpace(*start) : TakeStartKeys(*start);
     root_.RejectUnknownKeys();
-    if (start) ReadStart(*start);
+    if (start) space_ ? ReadStartInSpace(*start) : ReadStart(*start);
     return std::move(config_);
   }
 
@@ -88,14 +93,22 @@ class TwinReader {
     } catch (const FileError& error) {
       root_.Fail("robot", error.what());
     }
-    Scene scene = ParseTask(from.task_toml, from.task_file, text, path).problem.scene;
-    if (scene.robot.body_names != scene_.robot.body_names) {
+    Problem problem =
+        ParseTask(from.task_toml, from.task_file, text, path, TaskSpaces::kPlaneAndSpace).problem;
+    const auto names = [](const Scene& scene, const std::optional<SpaceScene>& space) {
+      return space ? space->robot.body_names : scene.robot.body_names;
+    };
+    const std::vector<std::string> nominal = names(scene_, space_);
+    if (problem.space) {
+      space_ = config_.space_scene = std::move(problem.space->scene);
+    } else {
+      config_.scene = scene_ = std::move(problem.scene);
+    }
+    if (const std::vector<std::string> own = names(scene_, space_); own != nominal) {
       root_.Fail("robot", fmt::format("is a robot of the links {}; allowed: one of those of the "
                                       "motion's, {}",
-                                      Join(scene.robot.body_names), Join(scene_.robot.body_names)));
+                                      Join(own), Join(nominal)));
     }
-    scene_ = scene;
-    config_.scene = std::move(scene);
   }
 
   void ReadMotors() {
@@ -133,25 +146,33 @@ class TwinReader {
   void ReadContact() {
     std::optional<TomlTable> table = root_.OptionalTable("contact");
     if (!table) return;
-    ContactLaw law = scene_.contact;
+    ContactLaw& law = space_ ? space_->contact : scene_.contact;
     ReadContactForces(*table, law);
-    scene_.contact = law;
     config_.twin.contact = law;
   }
 
   void ReadObstacles() {
     for (TomlTable& table : root_.OptionalTables("obstacle")) {
-      const Obstacle<Plane> obstacle = ReadObstacle(table);
-      if (std::find(obstacles_.begin(), obstacles_.end(), obstacle.name) != obstacles_.end()) {
-        table.Fail("name", fmt::format("'{}' is there already; allowed: a name besides {}",
-                                       obstacle.name, Join(obstacles_)));
+      std::string name;
+      if (space_) {
+        const Obstacle<Spatial> obstacle = ReadSpaceObstacle(table);
+        name = obstacle.name;
+        space_->obstacles.push_back(obstacle);
+        config_.twin.obstacles_in_space.push_back(obstacle);
+      } else {
+        const Obstacle<Plane> obstacle = ReadObstacle(table);
+        name = obstacle.name;
+        scene_.obstacles.push_back(obstacle);
+        config_.twin.obstacles.push_back(obstacle);
+      }
+      if (std::find(obstacles_.begin(), obstacles_.end(), name) != obstacles_.end()) {
+        table.Fail("name", fmt::format("'{}' is there already; allowed: a name besides {}", name,
+                                       Join(obstacles_)));
       }
       TwinObstacle own;
       ReadKeys(table, kTwinObstacleKeys, own);
-      if (own.mu) config_.twin.patches.push_back({obstacle.name, *own.mu});
-      obstacles_.push_back(obstacle.name);
-      scene_.obstacles.push_back(obstacle);
-      config_.twin.obstacles.push_back(obstacle);
+      if (own.mu) config_.twin.patches.push_back({name, *own.mu});
+      obstacles_.push_back(name);
     }
   }
 
@@ -169,11 +190,22 @@ class TwinReader {
       PushEntry push;
       push.links = &links_;
       ReadKeys(table, kPushKeys, push);
+      if (space_) {
+        ReadKeys(table, kSpacePushKeys, push);
+      } else {
+        ReadKeys(table, kPlanePushKeys, push);
+        push.force_n = {push.force_in_plane_n[0], 0, push.force_in_plane_n[1]};
+        push.point_m = {push.point_in_plane_m[0], 0, push.point_in_plane_m[1]};
+      }
       config_.twin.pushes.push_back(push);
     }
   }
 
   void ReadSensor() {
+    for (const char* const key : {"sensor", "sensor_failure"}) {
+      if (space_ && root_.Has(key))
+        root_.Fail(key, "is for robots in the plane so far; leave it out for one in space");
+    }
     if (std::optional<TomlTable> sensor = root_.OptionalTable("sensor"))
       ReadKeys(*sensor, kTwinSensorKeys, config_.sensor);
     for (TomlTable& table : root_.OptionalTables("sensor_failure")) {
@@ -202,16 +234,48 @@ class TwinReader {
           start.Fail(key, "moves the robot off its bar, whose place the task has; leave it out");
       }
     }
-    if (std::optional<TomlTable> joints = start.OptionalTable("joints_rad")) {
-      for (const std::string& name : joints->Keys())
-        RequireOneOf(*joints, name, name, "joint", joints_);
-      for (std::size_t j = 0; j < joints_.size(); ++j) {
-        pose_.joint_positions_rad[j] =
-            joints->Number(joints_[j], {-100, 100}, pose_.joint_positions_rad[j]);
-      }
-    }
+    TakeStartJoints(start);
     moved_ = start.Has("pitch_rad") || start.Has("joints_rad");
     turned_ = start.Has("pitch_rad");
+  }
+
+  void TakeStartJoints(TomlTable& start) {
+    std::optional<TomlTable> joints = start.OptionalTable("joints_rad");
+    if (!joints) return;
+    for (const std::string& name : joints->Keys())
+      RequireOneOf(*joints, name, name, "joint", joints_);
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+      pose_.joint_positions_rad[j] =
+          joints->Number(joints_[j], {-100, 100}, pose_.joint_positions_rad[j]);
+    }
+  }
+
+  void TakeStartKeysInSpace(TomlTable& start) {
+    pose_ = StartOf(motion_);
+    SpaceTwinStart root{config_.twin.held, config_.twin.stand_m,  pose_.root_x_m,
+                        pose_.root_y_m,    pose_.root_quaternion, std::nullopt};
+    ReadKeys(start, kSpaceTwinStartKeys, root);
+    config_.twin.held = root.held;
+    config_.twin.stand_m = root.stand_m;
+    pose_.root_x_m = root.x_m;
+    pose_.root_y_m = root.y_m;
+    pose_.root_z_m = root.z_m.value_or(pose_.root_z_m);
+    pose_.root_quaternion = UnitQuaternion(start, "quaternion", root.quaternion);
+    placed_ = root.z_m.has_value();
+    TakeStartJoints(start);
+    moved_ = start.Has("quaternion") || start.Has("joints_rad");
+  }
+
+  void ReadStartInSpace(TomlTable& start) {
+    if (moved_ && !placed_) {
+      try {
+        pose_ = ToPrimitivePose(RestPose(*space_, ToSpacePose(pose_)));
+      } catch (const std::runtime_error& error) {
+        start.Fail(
+            "", fmt::format("{}; change the joints or the quaternion, or give z_m", error.what()));
+      }
+    }
+    config_.start = pose_;
   }
 
   /// Sets the start pose. A robot that does not start in the motion's own pose, and has no height,
@@ -233,7 +297,8 @@ class TwinReader {
 
   TomlTable root_;
   const SequenceFile& motion_;
-  Scene scene_;  // as the file changes it
+  Scene scene_;                      // as the file changes it
+  std::optional<SpaceScene> space_;  // likewise, in its place
   std::filesystem::path folder_;
   std::vector<std::string> joints_, links_, obstacles_;
   PrimitivePose pose_;
@@ -255,10 +320,16 @@ std::vector<KeyTable> TwinKeyTables() {
           {source, "stop", RowsOf(kStopKeys)},
           {source, "obstacle", RowsOf(kTwinObstacleKeys)},
           {source, "patch", RowsOf(kPatchKeys)},
-          {source, "push", RowsOf(kPushKeys)},
+          {source, "push", Joined({RowsOf(kPushKeys), RowsOf(kPlanePushKeys)})},
           {source, "sensor", RowsOf(kTwinSensorKeys)},
           {source, "sensor_failure", RowsOf(kSensorFailureKeys)},
           {source, "fall", RowsOf(kFallKeys)}};
+}
+
+std::vector<KeyTable> SpaceTwinKeyTables() {
+  const char* const source = "offline/twin/twin_keys.h";
+  return {{source, "start_in_space", RowsOf(kSpaceTwinStartKeys)},
+          {source, "push_in_space", RowsOf(kSpacePushKeys)}};
 }
 
 TwinSources ReadTwinSources(const std::string& path) {

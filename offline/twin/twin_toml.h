@@ -29,5 +29,7 @@ SimulatedRobotConfig ParseTwin(std::string_view text, const std::string& name,
 
 /// The keys of the file, for docs/formats.md.
 std::vector<KeyTable> TwinKeyTables();
+/// Those that are others for a robot in space, for docs/space.md.
+std::vector<KeyTable> SpaceTwinKeyTables();
 
 }  // namespace tumbler

@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <tumbler/event_t.hpp>
 #include <tumbler/run_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 #include <tumbler/state_t.hpp>
-#include <tumbler/truth_t.hpp>
 
 #include "runtime/record/channels.h"
 #include "runtime/record/lcm_log.h"
@@ -87,7 +87,8 @@ void ExportLogMcap(const LogMcapConfig& config) {
     if (const auto happened = MessageIn<event_t>(event, kEventChannel))
       mcap.Take(time_ns, *happened);
     if (const auto run = MessageIn<run_t>(event, kRunChannel)) mcap.Take(time_ns, *run);
-    if (const auto truth = MessageIn<truth_t>(event, kTruthChannel)) mcap.Take(time_ns, *truth);
+    if (const auto truth = MessageIn<space_truth_t>(event, kTruthChannel))
+      mcap.Take(time_ns, *truth);
   });
   mcap.Finish();
 }

@@ -120,8 +120,10 @@ bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message) {
   return walk.good() && Decode(bytes, message);
 }
 
-bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message) {
-  Walk walk(bytes);
+namespace {
+
+/// The fields of a truth_t.
+void Truth(Walk& walk) {
   walk.Skip(7 * kWide + 2 + 4);
   walk.Texts(1);
   walk.Skip(3 * kWide);
@@ -135,7 +137,30 @@ bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message) {
     walk.Texts(2);
     walk.Skip(kWide);
   }
+}
+
+}  // namespace
+
+bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message) {
+  Walk walk(bytes);
+  Truth(walk);
   return walk.AtEnd() && Decode(bytes, message);
+}
+
+bool ReadMessage(std::span<const std::uint8_t> bytes, space_truth_t& message) {
+  truth_t in_plane;
+  if (ReadMessage(bytes, in_plane)) {
+    message = space_truth_t{};
+    message.truth = std::move(in_plane);
+    return true;
+  }
+  Walk walk(bytes);
+  Truth(walk);
+  walk.Skip(10 * kWide);
+  space_truth_t read;
+  if (!walk.AtEnd() || !Decode(bytes, read) || !IsInSpace(read)) return false;
+  message = std::move(read);
+  return true;
 }
 
 }  // namespace tumbler

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -8,6 +9,7 @@
 
 #include <tumbler/event_t.hpp>
 #include <tumbler/run_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 #include <tumbler/state_t.hpp>
 #include <tumbler/truth_t.hpp>
 
@@ -24,6 +26,13 @@ namespace tumbler {
 [[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, event_t& message);
 [[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message);
 [[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message);
+/// A true state of either kind: one in the plane (truth_t) is read as one whose quaternion is all
+/// zeros.
+[[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, space_truth_t& message);
+/// Whether it was one in space.
+[[nodiscard]] inline bool IsInSpace(const space_truth_t& message) {
+  return std::ranges::any_of(message.root_quaternion, [](double part) { return part != 0; });
+}
 
 /// The same, of bytes of any kind. @returns nothing where that returns false.
 template <typename Message>

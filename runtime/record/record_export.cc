@@ -180,18 +180,20 @@ std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
   std::vector<std::string> joints = record.configuration().joints;
   std::string rows;
   std::int64_t count = 0;
-  truth_t truth;
+  space_truth_t state;
+  std::optional<TruthKind> kind;
   const auto take = [&] {
     for (const auto& bytes : record.truths()) {
-      if (!ReadMessage(bytes, truth)) {
+      if (!ReadMessage(bytes, state) || (kind && KindOf(state) != *kind)) {
         throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
                                       record.name()));
       }
-      for (const joint_truth_t& joint : truth.joints) {
+      kind = KindOf(state);
+      for (const joint_truth_t& joint : state.truth.joints) {
         if (count == 0 && std::ranges::find(joints, joint.name) == joints.end())
           joints.push_back(joint.name);
       }
-      AppendTruthCsvRow(truth, joints, rows);
+      AppendTruthCsvRow(state, joints, rows);
       ++count;
     }
   };
@@ -204,7 +206,7 @@ std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
         "{}: has no true states of the robot; only `tumbler run sim --record` records them",
         record.name()));
   }
-  WriteResult(csv_path, TruthCsvHeader(joints) + '\n' + rows);
+  WriteResult(csv_path, TruthCsvHeader(joints, *kind) + '\n' + rows);
   return count;
 }
 

@@ -78,13 +78,13 @@ class RecordToMcap {
   }
 
   void TakeTruths() {
-    truth_t truth;
+    space_truth_t state;
     for (const auto& bytes : record_.truths()) {
-      if (!ReadMessage(bytes, truth)) {
+      if (!ReadMessage(bytes, state)) {
         throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
                                       record_.name()));
       }
-      mcap_.Take(TimeOf(truth.time_ns), truth);
+      mcap_.Take(TimeOf(state.truth.time_ns), state);
     }
   }
 

@@ -32,10 +32,14 @@ struct RobotPicture {
   std::vector<SceneTriangles> ground;  ///< In the world. Empty: none is known.
 };
 
-/// Where a robot is in its plane.
+/// Where a robot is.
 struct PictureRoot {
   double x_m = 0, z_m = 0;
-  double pitch_rad = 0;  ///< Turns +x towards +z.
+  double pitch_rad = 0;  ///< Turns +x towards +z. Of a robot in its plane.
+  /// Of a robot in space, with the quaternion w, x, y, z.
+  double y_m = 0;
+  std::array<double, 4> quaternion{};
+  [[nodiscard]] bool is_in_space() const { return quaternion != std::array<double, 4>{}; }
 };
 
 /// An instant of a run as it was planned.

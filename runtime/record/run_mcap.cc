@@ -39,6 +39,8 @@ FramePose PoseOf(const PictureLink& link, double position) {
 
 /// The pitch turns about -y.
 FramePose PoseOf(const PictureRoot& root) {
+  const auto& [w, x, y, z] = root.quaternion;
+  if (root.is_in_space()) return {{root.x_m, root.y_m, root.z_m}, {x, y, z, w}};
   return {{root.x_m, 0, root.z_m}, QuaternionAbout({0, -1, 0}, root.pitch_rad)};
 }
 
@@ -201,8 +203,10 @@ void RunMcap::Take(std::uint64_t time_ns, const run_t& run) {
   file_.Write(ChannelOf("/run", "tumbler.Run"), time_ns, EncodeRun(time_ns, run));
 }
 
-void RunMcap::Take(std::uint64_t time_ns, const truth_t& truth) {
-  file_.Write(ChannelOf("/truth", "tumbler.Truth"), time_ns, EncodeTruth(time_ns, truth));
+void RunMcap::Take(std::uint64_t time_ns, const space_truth_t& state) {
+  const truth_t& truth = state.truth;
+  const char* const type = IsInSpace(state) ? "tumbler.TruthInSpace" : "tumbler.Truth";
+  file_.Write(ChannelOf("/truth", type), time_ns, EncodeTruth(time_ns, state));
   std::vector<std::optional<double>> joints;
   std::vector<std::string> names = config_.joints;
   if (config_.robot)
@@ -213,8 +217,10 @@ void RunMcap::Take(std::uint64_t time_ns, const truth_t& truth) {
     joints.push_back(joint == truth.joints.end() ? std::nullopt
                                                  : std::optional(joint->position_rad));
   }
-  TakeRobot(time_ns, "true", {truth.root_x_m, truth.root_z_m, truth.root_pitch_rad}, joints,
-            kTrueColor);
+  PictureRoot root{truth.root_x_m, truth.root_z_m, truth.root_pitch_rad};
+  root.y_m = state.root_y_m;
+  std::ranges::copy(state.root_quaternion, root.quaternion.begin());
+  TakeRobot(time_ns, "true", root, joints, kTrueColor);
 }
 
 void RunMcap::TakePlan(std::uint64_t time_ns, const PictureRoot& root,

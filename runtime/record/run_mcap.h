@@ -9,8 +9,8 @@
 
 #include <tumbler/event_t.hpp>
 #include <tumbler/run_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 #include <tumbler/state_t.hpp>
-#include <tumbler/truth_t.hpp>
 
 #include "runtime/record/mcap_writer.h"
 #include "runtime/record/robot_picture.h"
@@ -44,7 +44,8 @@ class RunMcap {
   void Take(std::uint64_t time_ns, const state_t& state);
   void Take(std::uint64_t time_ns, const event_t& event);
   void Take(std::uint64_t time_ns, const run_t& run);
-  void Take(std::uint64_t time_ns, const truth_t& truth);
+  /// Of either kind.
+  void Take(std::uint64_t time_ns, const space_truth_t& truth);
   void TakePlan(std::uint64_t time_ns, const PictureRoot& root, const std::vector<double>& joints);
 
   /// Puts the file in place.

@@ -99,9 +99,9 @@ void ForEachRunField(const run_t& run, Visit&& visit) {
 
 /// Calls `visit(name, value)` for the true state of a simulated robot, without its joints.
 template <typename Visit>
-void ForEachTruthField(const truth_t& truth, Visit&& visit) {
-  ForEachTruthColumn(truth, visit);
-  visit("resting_as", truth.resting_as);
+void ForEachTruthField(const space_truth_t& state, TruthKind kind, Visit&& visit) {
+  ForEachTruthColumn(state, kind, visit);
+  visit("resting_as", state.truth.resting_as);
 }
 
 ProtoType TickType() {
@@ -140,13 +140,17 @@ ProtoType TrueJointType() {
   return type;
 }
 
-ProtoType TruthType() {
-  ProtoType type{"Truth",
+ProtoType TruthType(TruthKind kind) {
+  ProtoType type{kind == TruthKind::kInSpace ? "TruthInSpace" : "Truth",
                  {},
                  {},
-                 "The true state of a simulated robot. World: x right, z up; the pitch turns +x "
-                 "towards +z. The root is the robot's root link."};
-  ForEachTruthField(truth_t{}, FieldLister(type));
+                 kind == TruthKind::kInSpace
+                     ? "The true state of a simulated robot in space. World: x right, z up; the "
+                       "quaternion turns the root's frame in it, and angular velocities are in its "
+                       "axes. The root is the robot's root link."
+                     : "The true state of a simulated robot. World: x right, z up; the pitch turns "
+                       "+x towards +z. The root is the robot's root link."};
+  ForEachTruthField(space_truth_t{}, kind, FieldLister(type));
   type.fields.push_back({"joints", ProtoKind::kMessage, "tumbler.TrueJoint", true});
   return type;
 }
@@ -158,7 +162,8 @@ std::vector<ProtoFile> RunFiles() {
   files.push_back({"tumbler.proto",
                    "tumbler",
                    {files.front().name},
-                   {TickType(), JointType(), RunType(), TrueJointType(), TruthType()}});
+                   {TickType(), JointType(), RunType(), TrueJointType(),
+                    TruthType(TruthKind::kInPlane), TruthType(TruthKind::kInSpace)}});
   return files;
 }
 
@@ -198,13 +203,17 @@ std::string EncodeRun(std::uint64_t time_ns, const run_t& run) {
   return message;
 }
 
-std::string EncodeTruth(std::uint64_t time_ns, const truth_t& truth) {
+std::string EncodeTruth(std::uint64_t time_ns, const space_truth_t& state) {
+  const TruthKind kind = KindOf(state);
   std::string message;
   ProtoWriter out(message);
   AppendTime(out, kTimeField, time_ns);
-  ForEachTruthField(truth, FieldAppender(message));
-  static const auto joints_number = static_cast<int>(TruthType().fields.size());
-  for (const joint_truth_t& joint : truth.joints) {
+  ForEachTruthField(state, kind, FieldAppender(message));
+  static const std::array joints_numbers{
+      static_cast<int>(TruthType(TruthKind::kInPlane).fields.size()),
+      static_cast<int>(TruthType(TruthKind::kInSpace).fields.size())};
+  const int joints_number = joints_numbers[static_cast<std::size_t>(kind)];
+  for (const joint_truth_t& joint : state.truth.joints) {
     out.Message(joints_number, [&joint](ProtoWriter& w) {
       w.Bytes(1, joint.name);
       w.Double(2, joint.position_rad);

@@ -5,16 +5,16 @@
 #include <vector>
 
 #include <tumbler/run_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 #include <tumbler/state_t.hpp>
-#include <tumbler/truth_t.hpp>
 
 #include "runtime/record/proto_message.h"
 
 namespace tumbler {
 
-/// The project's own types of messages in MCAP: Tick, Joint, Run and Truth. Fields of a tick and a
-/// joint are those of a table of ticks (runtime/record/state_columns.h), with their units and
-/// meanings as comments. The files come in the order of their imports.
+/// The project's own types of messages in MCAP: Tick, Joint, Run, Truth and TruthInSpace. Fields of
+/// a tick and a joint are those of a table of ticks (runtime/record/state_columns.h), with their
+/// units and meanings as comments. The files come in the order of their imports.
 [[nodiscard]] std::vector<ProtoFile> RunFiles();
 
 /// A message tumbler.Tick: everything of a tick but its joints.
@@ -31,7 +31,7 @@ namespace tumbler {
 /// A message tumbler.Run: load of the bus, latencies and losses of a run so far.
 [[nodiscard]] std::string EncodeRun(std::uint64_t time_ns, const run_t& run);
 
-/// A message tumbler.Truth: the true state of a simulated robot.
-[[nodiscard]] std::string EncodeTruth(std::uint64_t time_ns, const truth_t& truth);
+/// A message tumbler.Truth, or tumbler.TruthInSpace: the true state of a simulated robot.
+[[nodiscard]] std::string EncodeTruth(std::uint64_t time_ns, const space_truth_t& truth);
 
 }  // namespace tumbler

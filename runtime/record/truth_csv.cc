@@ -6,9 +6,9 @@
 
 namespace tumbler {
 
-std::string TruthCsvHeader(const std::vector<std::string>& joint_names) {
+std::string TruthCsvHeader(const std::vector<std::string>& joint_names, TruthKind kind) {
   std::string header;
-  ForEachTruthColumn(truth_t{}, [&header](const char* name, const auto& /*value*/) {
+  ForEachTruthColumn(space_truth_t{}, kind, [&header](const char* name, const auto& /*value*/) {
     header += fmt::format("{},", name);
   });
   for (const std::string& joint : joint_names) {
@@ -18,10 +18,12 @@ std::string TruthCsvHeader(const std::vector<std::string>& joint_names) {
   return header;
 }
 
-void AppendTruthCsvRow(const truth_t& truth, const std::vector<std::string>& joint_names,
+void AppendTruthCsvRow(const space_truth_t& state, const std::vector<std::string>& joint_names,
                        std::string& csv) {
-  ForEachTruthColumn(
-      truth, [&csv](const char* /*name*/, const auto& value) { csv += fmt::format("{},", value); });
+  const truth_t& truth = state.truth;
+  ForEachTruthColumn(state, KindOf(state), [&csv](const char* /*name*/, const auto& value) {
+    csv += fmt::format("{},", value);
+  });
   for (const std::string& name : joint_names) {
     const auto joint = std::find_if(truth.joints.begin(), truth.joints.end(),
                                     [&name](const joint_truth_t& j) { return j.name == name; });

@@ -181,7 +181,8 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
                           last.later_s, last.expected_pitch_rad, Verdict(last));
     }
   } else if (last.pitch_later_rad) {
-    text += fmt::format("root turned {:.4f} rad off its plan {:.2g} s later (within {:.3g}): {}",
+    text += fmt::format("root {} {:.4f} rad off its plan {:.2g} s later (within {:.3g}): {}",
+                        last.in_space ? "tilted" : "turned",
                         *last.pitch_later_rad - last.expected_pitch_rad, last.later_s,
                         last.tolerance_rad, Verdict(last));
   } else {
@@ -214,6 +215,7 @@ Json JsonOf(const Passage& passage) {
                {"as_asked", Maybe(passage.as_asked())},
                {"as_planned_later", Maybe(passage.as_planned())},
                {"later_s", passage.pitch_later_rad ? Json(passage.later_s) : Json()}};
+  if (passage.in_space) json["root_tilt_later_rad"] = Maybe(passage.pitch_later_rad);
   if (SpeaksOfPitch(passage)) {
     json["root_pitch_planned_rad"] = passage.expected_pitch_rad;
     json["root_pitch_at_end_rad"] = passage.pitch_at_end_rad;

@@ -24,6 +24,9 @@ struct Passage {
   std::vector<JudgedTarget> purpose;
   bool free_root = true;  ///< Whether the root moves in the plane, or else is fixed.
   bool hinged = false;    ///< Whether it does so on a bar, where no robot stands.
+  /// Whether the robot moves in space. Then the pitches below are angles between what is vertical
+  /// in the root's frame and what is at the exit of the primitive, and the planned one is 0.
+  bool in_space = false;
   /// Whether nothing brings the root to rest after the motion: only the purpose counts then.
   bool swings_on = false;
   /// The root's pitch by the exits and entries of the primitives.

@@ -236,6 +236,63 @@ TEST(SequenceToml, TheRootsPoseMeetsWithinTheTolerances) {
   EXPECT_EQ(Refusal(GaitText(), primitives), "accepted");
 }
 
+/// A sequence of two motions in space, the second of which begins turned by half an angle about an
+/// axis: "x", or "z".
+std::string RefusalInSpace(double half_angle_rad, char axis, const std::string& more = "") {
+  auto primitives = GaitPrimitives();
+  for (PrimitiveFile& primitive : primitives) {
+    for (PrimitivePose* pose : {&primitive.entry, &primitive.exit}) {
+      pose->root_pitch_rad = 0;
+      pose->root_quaternion = {1, 0, 0, 0};
+    }
+  }
+  const double w = std::cos(half_angle_rad), s = std::sin(half_angle_rad);
+  primitives[1].entry.root_quaternion = {w, axis == 'x' ? s : 0, 0, axis == 'z' ? s : 0};
+  return Refusal(R"(format = "tumbler-sequence"
+version = 1
+name = "in space"
+start = "up"
+[primitives]
+up = "up.toml"
+down = "down.toml"
+[[node]]
+name = "up"
+primitive = "up"
+[[node]]
+name = "down"
+primitive = "down"
+safe = true
+[[edge]]
+from = "up"
+to = "down"
+when = "always"
+settle_s = 1.0
+)" + more,
+                 primitives);
+}
+
+TEST(SequenceToml, InSpaceWhatIsVerticalMeetsAndTheHeadingDoesNotCount) {
+  EXPECT_EQ(RefusalInSpace(0, 'x'), "accepted");
+  EXPECT_EQ(RefusalInSpace(0.6, 'z'), "accepted");
+  EXPECT_THAT(RefusalInSpace(0.025, 'x'),
+              AllOf(HasSubstr("up -> down: root, tilt: 0.05 rad"), HasSubstr("allowed: 0.02 rad")));
+  EXPECT_EQ(RefusalInSpace(0.025, 'x', "[tolerances]\nroot_pitch_rad = 0.06\n"), "accepted");
+}
+
+TEST(SequenceToml, InSpaceNothingIsToldApartByAPitch) {
+  EXPECT_THAT(RefusalInSpace(0, 'x', "[begin]\nnodes = [\"up\"]\nlink = \"base\"\n"),
+              HasSubstr("begin: tells poses apart by a pitch, and is for robots in the plane"));
+  EXPECT_THAT(
+      RefusalInSpace(0, 'x', "[swap]\njoints = [[\"joint1\", \"joint2\"]]\nroot_pitch_rad = 0.0\n"),
+      HasSubstr("swap: turns the root by a pitch, and is for robots in the plane"));
+  auto primitives = GaitPrimitives();
+  primitives[1].entry.root_pitch_rad = primitives[1].exit.root_pitch_rad = 0;
+  primitives[1].entry.root_quaternion = primitives[1].exit.root_quaternion = {1, 0, 0, 0};
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              HasSubstr("primitives.down: 'down.toml' is of a robot in space, 'up' of one in the "
+                        "plane"));
+}
+
 TEST(SequenceToml, WithoutTheTurnOfTheRootRolesCannotBeExchanged) {
   EXPECT_THAT(Refusal(Replaced(GaitText(), "root_pitch_rad = 3.14", "root_pitch_rad = 0.14")),
               AllOf(HasSubstr("down -> up, swapped: root, pitch"), HasSubstr("3 rad apart")));

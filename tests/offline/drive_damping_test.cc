@@ -152,16 +152,20 @@ std::vector<std::string> NotesOf(double kd, double loop_hz, std::optional<std::i
   const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/handstand.toml")));
   DrivesConfig drives = DefaultDrives({"leg1", "leg2"}, 40, kd);
   for (DriveEntry& drive : drives.drives) drive.loop_hz = loop_hz;
-  return DampingNotes(motion, drives, step_ns);
+  if (!step_ns) return DampingNotes(motion, drives, nullptr);
+  TwinConfig twin;
+  twin.step_ns = *step_ns;
+  return DampingNotes(motion, drives, &twin);
 }
 
 TEST(DampingNotes, WarnFromHalfOfTheBoundOn) {
   const std::vector<std::string> slow = NotesOf(5, 1000, 1'000'000);
-  ASSERT_EQ(slow.size(), 4U) << "of both drives and of the twin";
+  ASSERT_EQ(slow.size(), 5U) << "of both drives, of the twin, and of its feet";
   EXPECT_THAT(slow[0], HasSubstr("kd of 5 N m s/rad is stable in drives whose loop takes less"));
   EXPECT_THAT(slow[1], HasSubstr("warning: joint leg1: the drive's own loop takes 1 ms, with which "
                                  "the damping is unstable"));
-  EXPECT_THAT(slow[3], HasSubstr("warning: step_s of the twin"));
+  EXPECT_THAT(slow[3], HasSubstr("warning: step_s of the twin, which computes the drives' law"));
+  EXPECT_THAT(slow[4], HasSubstr("warning: step_s of the twin takes 1 ms, and contact allows 0.8"));
   const std::vector<std::string> near = NotesOf(5, 2000, std::nullopt);
   ASSERT_EQ(near.size(), 3U);
   EXPECT_THAT(near[1], HasSubstr("more than is advised"));

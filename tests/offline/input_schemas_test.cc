@@ -209,7 +209,8 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfDrives) {
   ExpectSchema("tumbler-drives", "Tumbler: drives and their bus", drives);
 }
 
-TEST(InputSchemas, TheTablesOfTheDocumentOfATwin) {
+/// @param start, push, obstacle  the rows that depend on where the robot moves.
+TableSchema TwinSchema(const Rows& start_rows, const Rows& push, const Rows& obstacle) {
   const Tables t = ByName(TwinKeyTables());
   const Tables of_task = ByName(TaskKeyTables());
   Rows contact;  // A twin has other forces and friction, not another law.
@@ -218,18 +219,34 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfATwin) {
       if (row.name == name) contact.push_back(row);
     }
   }
-  TableSchema start(t.at("start"));
+  TableSchema start(start_rows);
   start.Add("joints_rad", NamesOf(Any("number")));
   TableSchema twin = FileOf(t.at("twin"));
   twin.Add("start", start.Done())
       .Add("motor", TableSchema(t.at("motor")).Others(TableOf(t.at("motor"))).Done())
       .Add("mass_factor", NamesOf(Any("number")))
       .Add("contact", TableOf(contact))
-      .Add("obstacle", ArrayOf(Obstacle(of_task.at("obstacle"), t.at("obstacle"))));
-  for (const char* name : {"patch", "push", "sensor_failure"})
-    twin.Add(name, ArrayOf(TableOf(t.at(name))));
-  for (const char* name : {"stop", "sensor", "fall"}) twin.Add(name, TableOf(t.at(name)));
-  ExpectSchema("tumbler-twin", "Tumbler: a simulated robot", twin);
+      .Add("obstacle", ArrayOf(Obstacle(obstacle, t.at("obstacle"))))
+      .Add("patch", ArrayOf(TableOf(t.at("patch"))))
+      .Add("push", ArrayOf(TableOf(push)));
+  for (const char* name : {"stop", "fall"}) twin.Add(name, TableOf(t.at(name)));
+  return twin;
+}
+
+TEST(InputSchemas, TheTablesOfTheDocumentOfATwin) {
+  const Tables t = ByName(TwinKeyTables()), space = ByName(SpaceTwinKeyTables());
+  TableSchema plane =
+      TwinSchema(t.at("start"), t.at("push"), ByName(TaskKeyTables()).at("obstacle"));
+  plane.Add("sensor_failure", ArrayOf(TableOf(t.at("sensor_failure"))))
+      .Add("sensor", TableOf(t.at("sensor")));
+  ExpectSchema("tumbler-twin", "Tumbler: a simulated robot", plane);
+  Rows push = t.at("push");
+  std::erase_if(push,
+                [](const KeyRow& row) { return row.name == "force_n" || row.name == "point_m"; });
+  for (const KeyRow& row : space.at("push_in_space")) push.push_back(row);
+  const TableSchema in_space =
+      TwinSchema(space.at("start_in_space"), push, ByName(SpaceTaskKeyTables()).at("obstacle"));
+  ExpectSchema("tumbler-twin-in-space", "Tumbler: a simulated robot in space", in_space);
 }
 
 TEST(InputSchemas, TheTablesOfTheDocumentOfASequence) {
@@ -272,7 +289,8 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfAPrimitive) {
       .Add("entry", pose, true)
       .Add("exit", pose, true)
       .Add("contact", ArrayOf(table("`[[contact]]`").Done()))
-      .Add("purpose", ArrayOf(some_of("`[[purpose]]`", {"time_s", "link", "point_m"})))
+      .Add("purpose",
+           ArrayOf(some_of("`[[purpose]]`", {"time_s", "link", "point_m", "in_space", "along"})))
       .Add("certificate", TableOf(CertificateKeyTable().rows), true)
       .Add("robustness", ArrayOf(table("`[[robustness]]`").Done()))
       .Add("window", table("`[window]`").Done())

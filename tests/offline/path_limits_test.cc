@@ -83,8 +83,9 @@ std::vector<Shipped> ShippedMotions() {
     Shipped motion{
         std::filesystem::relative(path, folder).replace_extension(), LoadPrimitive(path), {}, {}};
     const Provenance& provenance = motion.file.provenance;
-    motion.problem =
-        ParseTask(provenance.task_toml, path, provenance.robot_urdf, provenance.robot_file).problem;
+    motion.problem = ParseTask(provenance.task_toml, path, provenance.robot_urdf,
+                               provenance.robot_file, TaskSpaces::kPlaneAndSpace)
+                         .problem;
     // What was found beside the paths is given now.
     motion.problem.duration_s = motion.file.primitive.duration_s;
     motion.problem.free_duration.reset();

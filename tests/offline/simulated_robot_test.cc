@@ -118,8 +118,8 @@ TEST(SimulatedRobot, APushGivesTheMomentumOfItsForceTimesItsDuration) {
             .start_s = 0.1,
             .duration_s = 0.05,
             .since_enabled = true,
-            .force_n = {36, 0},
-            .point_m = {0, -0.1 * 0.8 / 1.8}};
+            .force_n = {36, 0, 0},
+            .point_m = {0, 0, -0.1 * 0.8 / 1.8}};
   config.twin.pushes.push_back(push);
   RobotRig rig(config);
   rig.robot.AdvanceTo(200 * kMs);
@@ -140,8 +140,8 @@ TEST(SimulatedRobot, APushOffTheMassCentreTurnsIt) {
                                   .start_s = 0,
                                   .duration_s = 0.05,
                                   .since_enabled = true,
-                                  .force_n = {0, 10},
-                                  .point_m = {side * 0.15, 0}});
+                                  .force_n = {0, 0, 10},
+                                  .point_m = {side * 0.15, 0, 0}});
     RobotRig rig(config);
     rig.HoldHome();
     rig.robot.AdvanceTo(100 * kMs);
@@ -155,8 +155,8 @@ double Slide(SimulatedRobotConfig config) {
                                 .start_s = 0.2,
                                 .duration_s = 0.3,
                                 .since_enabled = true,
-                                .force_n = {2, 0},
-                                .point_m = {0, -0.15}});
+                                .force_n = {2, 0, 0},
+                                .point_m = {0, 0, -0.15}});
   RobotRig rig(config);
   rig.HoldHome();
   rig.robot.AdvanceTo(1000 * kMs);

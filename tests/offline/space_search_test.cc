@@ -233,7 +233,6 @@ TEST(SpacePrograms, SayWhatTheyDoNotTakeYet) {
   const std::string path = (folder.path() / "shift.toml").string();
   testing::WriteFile(path, ToToml(*TheResult().file));
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
-           {"tumbler", "run", "sim", path, "--drives", SourcePath("primitives/solo8/drives.toml")},
            {"tumbler", "robustness", path, "--lanes"},
            {"tumbler", "export", path, "--mjcf", (folder.path() / "robot.xml").string()}}) {
     const Outcome outcome = RunProgram(command);

@@ -388,7 +388,7 @@ TEST(TwinTime, APushInTheMiddleOfALongStepActsFromItsStartToItsEnd) {
                            .start_s = 0.0123456,
                            .duration_s = 0.0200001,
                            .since_enabled = false,
-                           .force_n = {6, 0},
+                           .force_n = {6, 0, 0},
                            .point_m = {0, 0}});
   Rig rig(AloftTask(), config);
   rig.twin->AdvanceTo(60 * kMs);

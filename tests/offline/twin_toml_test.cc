@@ -203,6 +203,7 @@ TEST(TwinToml, AStartThatComesToNoRestIsNamedWithItsLine) {
 
 TEST(TwinToml, TheTablesOfTheDocumentAreThoseOfTheCode) {
   testing::ExpectTables("docs/formats.md", TwinKeyTables());
+  testing::ExpectTables("docs/space.md", SpaceTwinKeyTables());
 }
 
 }  // namespace

@@ -32,6 +32,8 @@ def shipped():
         kind = content["format"]
         if kind == "tumbler-task" and content.get("root") == "floating":
             kind = "tumbler-task-in-space"
+        if kind == "tumbler-twin" and path.parent.name.startswith("solo"):
+            kind = "tumbler-twin-in-space"
         if kind in SCHEMAS:
             yield path, kind, content
 

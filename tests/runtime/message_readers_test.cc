@@ -49,6 +49,30 @@ TEST(MessageReaders, AreReadOnlyWhenTheyAreWhole) {
   ExpectOnlyWholeMessages(event);
 }
 
+space_truth_t TruthInSpace() {
+  space_truth_t truth{};
+  truth.truth = Truth();
+  truth.root_y_m = 2;
+  truth.root_quaternion[3] = 1;
+  return truth;
+}
+
+TEST(MessageReaders, TrueStatesInSpaceAreReadOnlyWhenTheyAreWholeAndThoseInThePlaneAreTakenToo) {
+  ExpectOnlyWholeMessages(TruthInSpace());
+  space_truth_t read{};
+  truth_t in_plane = Truth();
+  in_plane.root_pitch_rad = 0.25;
+  ASSERT_TRUE(ReadMessage(Bytes(in_plane), read));
+  EXPECT_FALSE(IsInSpace(read));
+  EXPECT_EQ(read.truth.root_pitch_rad, 0.25);
+  EXPECT_EQ(read.root_y_m, 0);
+  ASSERT_TRUE(ReadMessage(Bytes(TruthInSpace()), read));
+  EXPECT_TRUE(IsInSpace(read));
+  EXPECT_EQ(read.root_y_m, 2);
+  EXPECT_FALSE(ReadMessage(Bytes(TruthInSpace()), in_plane)) << "of another fingerprint";
+  EXPECT_FALSE(ReadMessage(Bytes(space_truth_t{}), read)) << "a rotation by nothing";
+}
+
 /// Every number of 32 bits in a message becomes one that lengths must not be.
 template <typename Message>
 void ExpectNoSurpriseAfterAnyLength(const Message& message) {
@@ -71,6 +95,7 @@ TEST(MessageReaders, SurviveAnyLength) {
   ExpectNoSurpriseAfterAnyLength(State(1));
   ExpectNoSurpriseAfterAnyLength(About());
   ExpectNoSurpriseAfterAnyLength(Truth());
+  ExpectNoSurpriseAfterAnyLength(TruthInSpace());
 }
 
 TEST(MessageReaders, HaveStatesAndFaultsThatThereAre) {

@@ -76,7 +76,8 @@ class Record(dict):
 
     @property
     def truth(self):
-        """True states of a simulated robot, by the names of the message truth_t; else empty."""
+        """True states of a simulated robot, by the names of the messages truth_t and space_truth_t;
+        else empty."""
         return dict(self._truth)
 
     def __eq__(self, other):
