@@ -19,8 +19,6 @@
 namespace tumbler {
 namespace {
 
-/// Parts of the solver's step in the motion: a foot that lands is fast.
-constexpr double kFiner = 4;
 constexpr int kRootPitch = 2;  // of the degrees of freedom, where the root has any
 /// The executor's usual period [s].
 constexpr double kPeriod_s = kUsualPeriod_s;
@@ -37,10 +35,10 @@ int StepsInPeriod(const Problem& problem, double longest_s, double parts) {
 /// Steps a robot until a time, visiting every step. @returns false when its state left every
 /// plausible range.
 template <class Robot, class Visit>
-bool Play(const Problem& problem, Robot& robot, double until_s, Visit&& visit) {
+bool Play(const Problem& problem, Robot& robot, double until_s, double finer, Visit&& visit) {
   const double longest_s = robot.LongestStep();
   const double calm_s = problem.duration_s + ExitAfter(problem);
-  const double fine_s = kPeriod_s / StepsInPeriod(problem, longest_s, kFiner);
+  const double fine_s = kPeriod_s / StepsInPeriod(problem, longest_s, finer);
   const double coarse_s = kPeriod_s / StepsInPeriod(problem, longest_s, 1);
   double time_s = 0;
   while (time_s < until_s) {
@@ -175,7 +173,7 @@ std::vector<bool> PlayThroughDrives(
   }
   const double longest_s =
       DrivenRobot(problem, x, feed_forward, Nominal(problem.scene, problem, {})).LongestStep();
-  const int fine = StepsInPeriod(problem, longest_s, kFiner);
+  const int fine = StepsInPeriod(problem, longest_s, kPlayedFiner);
   const int coarse = StepsInPeriod(problem, longest_s, 1);
   const double calm_s = problem.duration_s + ExitAfter(problem);
   std::vector<bool> goes_on(disturbances.size(), true);
@@ -197,7 +195,7 @@ bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
                        const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor) {
   DrivenRobot robot(problem, x, feed_forward, Nominal(problem.scene, problem, disturbance));
-  return Play(problem, robot, until_s,
+  return Play(problem, robot, until_s, kPlayedFiner,
               [&](double time_s) { return visitor(time_s, robot.Positions()); });
 }
 
@@ -206,7 +204,7 @@ bool PlayThroughDrivesInSpace(const Problem& problem, const std::vector<double>&
                               const PlayedRobot<Spatial>& played, double until_s,
                               const std::function<bool(const DrivenSample&)>& visitor) {
   DrivenRobotIn<Spatial> robot(problem, x, feed_forward, played);
-  return Play(problem, robot, until_s, [&](double time_s) {
+  return Play(problem, robot, until_s, played.finer, [&](double time_s) {
     return visitor({time_s, robot.Positions(), robot.Velocities(), &robot.chart().axes});
   });
 }

@@ -25,6 +25,9 @@ struct RootPush {
   typename Space::Vector force_n = Space::Vector::Zero();
 };
 
+/// Into how many parts the solver's step is divided in the motion: a foot that lands is fast.
+inline constexpr double kPlayedFiner = 4;
+
 /// A robot whose drives play a motion: not that of the problem, where it differs.
 template <class Space>
 struct PlayedRobot {
@@ -33,6 +36,7 @@ struct PlayedRobot {
   double lean_rad = 0;     ///< That is added to the root's pitch where the motion begins.
   double period_s = 1e-3;  ///< With which setpoints change; those of eight motors on a bus: slower.
   std::optional<RootPush<Space>> push = std::nullopt;
+  double finer = kPlayedFiner;
 };
 
 /// Plays a motion on the nominal robot through drives that give way (Problem::drive_gains), and

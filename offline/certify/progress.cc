@@ -39,6 +39,11 @@ void Progress::operator()(const Evaluation& e) {
                                  e.cost >= 1 ? ": they fall, or a limit is exceeded" : ""));
     return;
   }
+  if (e.by_robots) {
+    line_.Show(
+        fmt::format("improve {:7d} robots played  the best motion misses {:.4f}", e.count, e.cost));
+    return;
+  }
   if (problem_.space) {  // How many attempts it takes, and how long each, is not known.
     line_.Show(e.global
                    ? fmt::format("search  attempt {}  {:6d} evaluations  best rank {:.5g}",

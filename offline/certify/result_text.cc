@@ -113,6 +113,17 @@ void PrintDamping(std::FILE* people, const TaskResult& result) {
              1e3 * damping.AdvisedPeriod(), 1e3 * kTwinStep_s);
 }
 
+/// Prints how many robots that differ a motion in space serves.
+void PrintRobust(std::FILE* people, const TaskResult& result) {
+  if (!result.robust) return;
+  const TaskResult::Robust& robust = *result.robust;
+  fmt::print(
+      people,
+      "  of {} robots that differ, which the search has not met, {} are as asked through drives "
+      "({} before it); tumbler robustness plays more of them\n",
+      robust.of, robust.as_asked, robust.before);
+}
+
 /// Warns of steps that contact does not bear somewhere on the motion, though it does at its ends.
 void PrintSteps(std::FILE* people, const TaskResult& result) {
   const double step_s = result.problem().solver.step_s;
@@ -207,6 +218,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
   PrintSecondLook(people, result.look, result.problem().space.has_value());
   PrintDamping(people, result);
   PrintSteps(people, result);
+  PrintRobust(people, result);
   PrintMinimum(people, result);
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <utility>
 
 #include "offline/certify/progress.h"
+#include "offline/certify/space_robust.h"
 #include "offline/problem/take_free.h"
 #include "offline/solve/guess.h"
 #include "offline/solve/robust_search.h"
@@ -235,6 +237,62 @@ void ListMinima(TaskResult& result, Looks& looks) {
   }
 }
 
+/// A guess as it is, where it keeps the limits: what serves robots that differ is no minimum for
+/// the model, and a robust search goes on from there.
+SolveOutcome FromGuessInSpace(const Problem& problem, const std::vector<double>& guess,
+                              const SolveOptions& options) {
+  SolveOutcome outcome;
+  SolveOptions silent;
+  Rollout rollout(problem, problem.solver.step_s);
+  Solution solution = SolveFrom(problem, guess, 1, rollout, silent, nullptr);
+  solution.end = SolveEnd::kTaken;
+  solution.finished = true;
+  if (!solution.feasible()) return SolveInSpaceFrom(problem, guess, options);
+  outcome.solutions.push_back(std::move(solution));
+  outcome.evaluations = 1;
+  return outcome;
+}
+
+/// Changes the best motion in space until it serves robots that differ, and puts what was found
+/// before it.
+/// @param accept  whether a motion can be written.
+void MakeRobustInSpace(const SolveOptions& options, Looks& looks,
+                       const std::function<bool(const Solution&)>& accept, TaskResult& result) {
+  const Problem& problem = result.problem();
+  std::vector<Solution>& solutions = result.outcome.solutions;
+  const auto found = std::ranges::find_if(solutions, accept);
+  if (found == solutions.end()) return;
+  const Solution model = *found;
+  const RobustInSpace robust =
+      FindRobustInSpace(problem, model.x, looks.At(model).look.purpose, options);
+  result.outcome.evaluations += robust.played;
+  result.outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
+  if (result.outcome.interrupted) return;
+  const int fresh = problem.space->robust->fresh;
+  const std::vector<PurposeFigure> purpose = looks.At(model).look.purpose;
+  const auto count = [&](const std::vector<double>& x) {
+    return CountAsAskedInSpace(problem, x, purpose, options, fresh);
+  };
+  TaskResult::Robust& figures = result.robust.emplace();
+  figures.of = fresh;
+  figures.before = figures.as_asked = count(model.x);
+  Rollout rollout(problem, problem.solver.step_s);
+  for (const std::vector<double>& x : robust.motions) {
+    if (x == model.x) return;  // Nothing serves more robots.
+    SolveOptions silent;
+    Solution solution = SolveFrom(problem, x, 1, rollout, silent, nullptr);
+    solution.end = SolveEnd::kGenerations;
+    solution.finished = true;
+    solution.start = model.start;
+    if (!solution.feasible() || !accept(solution)) continue;
+    const int as_asked = count(x);
+    if (as_asked < figures.before) continue;
+    figures.as_asked = as_asked;
+    solutions.insert(solutions.begin(), std::move(solution));
+    return;
+  }
+}
+
 }  // namespace
 
 TaskResult WorkOn(Task task, const WorkSettings& settings) {
@@ -250,7 +308,8 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   options.threads = settings.threads;
   options.interrupt = settings.interrupt;
   // Of the model's, a guess is solved before anybody would look at its progress.
-  if ((!guessed || problem.robust) && !settings.quiet)
+  const bool by_robots = problem.robust || (problem.space && problem.space->robust);
+  if ((!guessed || by_robots) && !settings.quiet)
     options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
   if (settings.progress) options.progress = settings.progress;
   Looks looks(problem);
@@ -266,7 +325,9 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
     };
   }
   result.outcome =
-      problem.space ? (guessed ? SolveInSpaceFrom(problem, result.task.guess, options)
+      problem.space ? (guessed ? (problem.space->robust
+                                      ? FromGuessInSpace(problem, result.task.guess, options)
+                                      : SolveInSpaceFrom(problem, result.task.guess, options))
                                : SolveInSpace(problem, options))
       : problem.robust
           ? SolveRobust(problem, options, result.task.guess,
@@ -274,6 +335,14 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
                         result.task.complement)
       : guessed ? SolveFromGuess(problem, result.task.guess, options)
                 : Solve(problem, options);
+  if (problem.space && problem.space->robust && !result.outcome.interrupted) {
+    MakeRobustInSpace(
+        options, looks,
+        [&](const Solution& solution) {
+          return KeepsLimits(problem, solution) && accept(solution);
+        },
+        result);
+  }
   progress.Finish();
 
   const std::vector<Solution>& solutions = result.outcome.solutions;

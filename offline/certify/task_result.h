@@ -34,6 +34,11 @@ struct TaskResult {
   std::optional<PrimitiveFile> file;
   DampedMotion damping;  ///< Of the file's motion, with the task's gains.
   ContactSteps steps;    ///< That contact allows on the file's motion, with joints on their paths.
+  /// Of a robust motion in space: how many robots of how many are as asked, and were before.
+  struct Robust {
+    int as_asked = 0, before = 0, of = 0;
+  };
+  std::optional<Robust> robust;
   double wall_s = 0;
   double cpu_s = 0;
   double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.

@@ -148,6 +148,8 @@ struct Problem {
     SpaceScene scene;
     /// Of the root's frame at the start; its angles in `start_q` are 0.
     SpaceMatrix start_orientation = SpaceMatrix::Identity();
+    /// What the motion has to bear; none: it is found for the model alone.
+    std::optional<SpaceRobustSettings> robust = std::nullopt;
   };
   /// None: the robot moves in the plane. Where it is there, `scene` is empty.
   std::optional<InSpace> space;

@@ -63,4 +63,23 @@ struct RobustSettings {
   std::optional<FeedbackSettings> feedback;
 };
 
+/// The same of a robot in space: the motion that is found for the model is changed until robots
+/// that differ do what it is for.
+struct SpaceRobustSettings {
+  Spreads spreads;
+  /// With which setpoints change [s]: eight motors share a bus at 400 Hz, twelve at 290 Hz.
+  double period_s = 2.5e-3;
+  /// By how many robots motions are judged, others in each generation: few are enough to tell
+  /// motions apart, and those that rotate are none that a motion could suit alone.
+  int robots = 10;
+  int candidates = 12;   ///< Motions in a generation.
+  int generations = 60;  ///< At most: it ends where no robot misses anything for a while.
+  /// Standard deviation of control points in the first generation [rad]: near what was found.
+  double sigma_rad = 0.03;
+  /// Robots that judge all motions that were the best of a generation, then as many more that judge
+  /// the best of these, and those of which the result is said. None of them has met a motion
+  /// before.
+  int first_judges = 24, last_judges = 72, fresh = 100;
+};
+
 }  // namespace tumbler

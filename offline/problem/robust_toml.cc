@@ -126,6 +126,32 @@ constexpr std::array kRobustKeys = {
                                                      "of the last improvement"),
 };
 
+/// The key of that name.
+constexpr FileKey<RobustEntry> Shared(std::string_view name) {
+  for (const FileKey<RobustEntry>& key : kRobustKeys) {
+    if (key.text.name == name) return key;
+  }
+  throw std::invalid_argument("no such key");  // while it is compiled
+}
+/// Spreads that robots in space have.
+constexpr std::array kSpaceSpreadKeys = {
+    Shared("mass"),      Shared("inertia"), Shared("mass_centre_m"), Shared("friction"),
+    Shared("stiffness"), Shared("damping"), Shared("slope_rad")};
+constexpr std::array kSpaceRobustKeys = {
+    KeyOf<&SpaceRobustSettings::period_s>("period_s", {1e-4, 0.02},
+                                          "with which setpoints change: eight motors share a bus "
+                                          "at 400 Hz, twelve at 290 Hz"),
+    KeyOf<&SpaceRobustSettings::robots>("robots", {2, 10'000},
+                                        "that judge each motion; others in each generation"),
+    KeyOf<&SpaceRobustSettings::candidates>("candidates", {4, 1000}, "motions in a generation"),
+    KeyOf<&SpaceRobustSettings::generations>(
+        "generations", {1, 10'000},
+        "at most; it ends when no robot has missed anything for a while"),
+    KeyOf<&SpaceRobustSettings::sigma_rad>("sigma_rad", {0, 1, true},
+                                           "of control points in the first generation, around the "
+                                           "motion that was found for the model"),
+};
+
 constexpr std::array kFeedbackSearchKeys = {
     KeyOf<&FeedbackSettings::link>("link", "whose absolute angle is fed back")
         .Required()
@@ -257,6 +283,26 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
     root.Fail("robust", fmt::format("cannot simulate this task in lanes: {}", error.what()));
   }
   return settings;
+}
+
+std::optional<SpaceRobustSettings> ReadSpaceRobust(TomlTable& root, const Problem& problem) {
+  std::optional<TomlTable> table = root.OptionalTable("robust");
+  if (!table) return std::nullopt;
+  RobustEntry entry;
+  ReadKeys(*table, kSpaceSpreadKeys, entry);
+  SpaceRobustSettings settings;
+  ReadKeys(*table, kSpaceRobustKeys, settings);
+  settings.spreads = entry;
+  if (const std::string mistake = MistakeInRanges(problem.space->scene.contact, settings.spreads);
+      !mistake.empty()) {
+    root.Fail("robust", mistake);
+  }
+  return settings;
+}
+
+KeyTable SpaceRobustKeyTable() {
+  return {"offline/problem/robust_toml.cc", "robust_in_space",
+          Joined({RowsOf(kSpaceSpreadKeys), RowsOf(kSpaceRobustKeys)})};
 }
 
 KeyTable RobustFeedbackKeyTable() {

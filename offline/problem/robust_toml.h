@@ -14,8 +14,12 @@ namespace tumbler {
 ///                    have.
 std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem);
 
-/// The keys of the table, for docs/formats.md.
+/// The same of a task in space.
+std::optional<SpaceRobustSettings> ReadSpaceRobust(TomlTable& root, const Problem& problem);
+
+/// The keys of the table, for docs/formats.md; and of that in space, for docs/space.md.
 KeyTable RobustKeyTable();
+KeyTable SpaceRobustKeyTable();
 KeyTable RobustFeedbackKeyTable();
 
 }  // namespace tumbler

@@ -17,6 +17,7 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/free_start.h"
 #include "offline/problem/motor_toml.h"
+#include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_parts.h"
@@ -320,6 +321,7 @@ class Reader {
     ReadSettings(root_, problem_);
     if (std::optional<TomlTable> table = root_.OptionalTable("drives"))
       ReadKeys(*table, kTaskDrivesKeys, problem_.drives.emplace());
+    problem_.space->robust = ReadSpaceRobust(root_, problem_);
     TomlTable start = root_.Table("start");
     ReadStart(start);
     SetTargetsFromStart(problem_);
@@ -338,7 +340,7 @@ class Reader {
  private:
   /// Says of what a robot in the plane has that one in space has not.
   void RefusePlanarKeys() {
-    for (const char* key : {"passive", "bar", "slope_rad", "robust", "mirror"}) {
+    for (const char* key : {"passive", "bar", "slope_rad", "mirror"}) {
       if (!root_.Has(key)) continue;
       root_.Fail(
           key,
@@ -436,7 +438,8 @@ std::vector<KeyTable> KeyTables() {
   add(RowsOf(kBoxKeys, kKinds[3]));
   return {{source, "start", RowsOf(kStartKeys)},
           {source, "cost", Joined({RowsOf(kTermKeys), RowsOf(kQuantityKeys)})},
-          {source, "obstacle", obstacles}};
+          {source, "obstacle", obstacles},
+          SpaceRobustKeyTable()};
 }
 
 }  // namespace

@@ -25,6 +25,9 @@ struct Evaluation {
   double violation = 0;    ///< Largest scaled constraint; 0 when all hold.
   /// Evaluations of g that it took, where its steps were adaptive; 0: equal steps.
   std::int64_t dynamics = 0;
+  /// Whether robots that differ judged it: then `cost` is what they miss on average, of the best
+  /// motion of a generation, and `count` how many were played.
+  bool by_robots = false;
 };
 
 /// Why a local solve ended.

@@ -14,8 +14,7 @@
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
 #include "common/files/toml_reader.h"
-#include "offline/certify/driven_motion.h"
-#include "offline/problem/purpose_gauge.h"
+#include "offline/certify/space_trial.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/normal.h"
 #include "offline/solve/guess.h"
@@ -27,36 +26,14 @@ namespace {
 
 constexpr std::uint64_t kPushSeed = 0x9b1a615e;  // so that pushes say nothing of the robot
 
-/// A target of the primitive, and when it is due.
-struct Due {
-  PurposeTarget target;
-  PurposeGauge gauge;
-  double time_s = 0;
-
-  /// Whether what was asked for there is to last.
-  [[nodiscard]] bool lasts() const {
-    return target.when == PurposeTarget::When::kSettled ||
-           target.when == PurposeTarget::When::kLater;
-  }
-  [[nodiscard]] double ValueAt(const DrivenSample& at) const {
-    return gauge.At(at.q, at.qd, *at.axes);
-  }
-};
-
 /// @throws std::invalid_argument  about a purpose that is none of a robot in space.
-std::vector<Due> TargetsOf(const std::string& path, const PrimitiveFile& file,
-                           const Problem& problem) {
-  std::vector<Due> due;
-  for (const PurposeFigure& figure : file.purpose) {
-    PurposeGauge gauge(figure, problem.space->scene.robot);
-    if (!gauge.obstacle().empty()) {
-      throw std::invalid_argument(fmt::format("{}: purpose: '{}' cannot be judged: {}", path,
-                                              figure.name(), gauge.obstacle()));
-    }
-    due.push_back(
-        {figure, std::move(gauge), DueTime(figure, problem.duration_s, problem.settle_s)});
+std::vector<DueInSpace> TargetsOf(const std::string& path, const PrimitiveFile& file,
+                                  const Problem& problem) {
+  try {
+    return DueTargetsInSpace(problem, file.purpose);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("{}: {}", path, error.what()));
   }
-  return due;
 }
 
 /// Spreads that say something of robots in space.
@@ -75,7 +52,7 @@ void CheckSpreads(const Spreads& spreads) {
 }
 
 SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std::vector<double>& x,
-                   const std::vector<Due>& targets, const SpaceStudy& study,
+                   const std::vector<DueInSpace>& targets, const SpaceStudy& study,
                    const DriveGains& gains, int index) {
   const SpaceScene& model = problem.space->scene;
   const RobotVariation variation =
@@ -84,12 +61,7 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
   std::vector<JointMotion<double>::Spline> feed_forward;
   for (const JointMotion<double>& motion : file.primitive.motions())
     feed_forward.push_back(motion.torque);
-  SpaceTrial trial;
-  double last_s = 0;
-  for (const Due& due : targets) {
-    trial.purpose.push_back({due.target, std::nullopt});
-    last_s = std::max(last_s, due.time_s);
-  }
+  const double last_s = LastDue(targets);
   if (study.push_n > 0) {
     // Late enough that the robot has settled, and so early that it has time to fall.
     constexpr double kPushed_s = 0.1, kBefore_s = 0.2, kAfter_s = 0.7;
@@ -99,26 +71,7 @@ SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std:
     played.push = RootPush<Spatial>{from_s + (to_s - from_s) * random.DrawUniform(), kPushed_s,
                                     SpaceVector(cosine, sine, 0) * study.push_n};
   }
-  // Every target is judged at the last step before its time is over; what is to last, at the end of
-  // the hold. A speed is the largest of the last moments before that.
-  const auto judge = [&](const DrivenSample& at) {
-    for (std::size_t i = 0; i < targets.size(); ++i) {
-      const Due& due = targets[i];
-      const double until_s = due.lasts() && study.hold_s > 0 ? last_s + study.hold_s : due.time_s;
-      if (at.time_s > until_s + 1e-9) continue;
-      std::optional<double>& result = trial.purpose[i].result;
-      const bool speed = due.target.of == PurposeTarget::Of::kSpeed;
-      const bool watched = speed && at.time_s > until_s - kRestWatched_s && result;
-      result = watched ? std::max(*result, due.ValueAt(at)) : due.ValueAt(at);
-    }
-    return true;
-  };
-  trial.finite = PlayThroughDrivesInSpace(problem, x, feed_forward, played,
-                                          last_s + study.hold_s + problem.solver.step_s, judge);
-  if (!trial.finite) {
-    for (JudgedTarget& judged : trial.purpose) judged.result.reset();
-  }
-  return trial;
+  return TryInSpace(problem, x, feed_forward, targets, played, study.hold_s);
 }
 
 }  // namespace
@@ -134,12 +87,12 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
   const PrimitiveFile file = LoadPrimitive(study.motion);
   const Task task = TaskOf(file, TaskSpaces::kPlaneAndSpace);
   const Problem& problem = task.problem;
-  const std::vector<in_space::Due> targets = in_space::TargetsOf(study.motion, file, problem);
+  const std::vector<DueInSpace> targets = in_space::TargetsOf(study.motion, file, problem);
   if (targets.empty()) {
     throw std::invalid_argument(
         fmt::format("{}: it is for nothing that a robot could meet or miss", study.motion));
   }
-  if (study.push_n > 0 && std::ranges::none_of(targets, &in_space::Due::lasts)) {
+  if (study.push_n > 0 && std::ranges::none_of(targets, &DueInSpace::lasts)) {
     throw std::invalid_argument(fmt::format(
         "--push: nothing that {} is for is to last, so that no robot is judged after its push",
         study.motion));

@@ -10,6 +10,7 @@
 #include "common/files/primitive_toml.h"
 #include "common/files/purpose.h"
 #include "common/files/share.h"
+#include "offline/certify/space_trial.h"
 #include "offline/scene/variation.h"
 
 namespace tumbler {
@@ -32,13 +33,6 @@ struct SpaceStudy {
   int threads = 1;
   std::atomic<bool>* interrupt = nullptr;
   std::function<void(int)> progress;  ///< Told how many robots are known.
-};
-
-/// What became of a robot.
-struct SpaceTrial {
-  bool finite = true;                 ///< Whether its state stayed plausible.
-  std::vector<JudgedTarget> purpose;  ///< Of the task's cost.
-  [[nodiscard]] bool as_asked() const { return finite && AllMet(purpose).value_or(false); }
 };
 
 struct SpaceStudyResult {

@@ -164,6 +164,7 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfATaskInSpace) {
   for (const char* name :
        {"spline", "contact", "self_contact", "tolerances", "drives", "search", "solver"})
     task.Add(name, TableOf(t.at(name)));
+  task.Add("robust", TableOf(space.at("robust_in_space")));
   ExpectSchema("tumbler-task-in-space", "Tumbler: a task of a robot in space", task);
 }
 

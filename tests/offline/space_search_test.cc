@@ -10,6 +10,7 @@
 #include "common/files/primitive_toml.h"
 #include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
+#include "offline/certify/space_robust.h"
 #include "offline/certify/task_result.h"
 #include "offline/pages/space_motion.h"
 #include "offline/problem/space_task.h"
@@ -200,6 +201,56 @@ TEST(SpacePrimitive, IsRefusedWithADirectionOfNoLengthOrAPitchBesideItsQuaternio
   EXPECT_THROW(ToToml(file), std::exception);
 }
 
+/// The same on ground of which little is known, and searched for briefly.
+Task RobustShift() {
+  Task task = ParseTask(ShiftTask() +
+                            "[robust]\nmass = 0.1\nfriction = { from = 0.2, to = 1.0 }\n"
+                            "robots = 4\ncandidates = 6\ngenerations = 3\n",
+                        "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
+                        "solo8.urdf", TaskSpaces::kPlaneAndSpace);
+  SpaceRobustSettings& robust = *task.problem.space->robust;
+  robust.first_judges = 3;
+  robust.last_judges = 6;
+  robust.fresh = 20;
+  return task;
+}
+
+TEST(SpaceRobust, ServesNoFewerRobotsThanBeforeWhateverTheThreads) {
+  ASSERT_TRUE(TheResult().file);
+  // From the motion that is there, so that nothing is searched for the model again.
+  const auto find = [](int threads) {
+    Task task = RobustShift();
+    task.guess = ParametersOf(TheResult().file->primitive);
+    return WorkOn(std::move(task), Quietly(threads));
+  };
+  const TaskResult one = find(1);
+  ASSERT_TRUE(one.file) << one.cause;
+  ASSERT_TRUE(one.robust);
+  EXPECT_EQ(one.robust->of, 20);
+  EXPECT_GE(one.robust->as_asked, one.robust->before);
+  EXPECT_GT(one.robust->as_asked, 0);
+  EXPECT_FALSE(one.file->certificate.kkt_residual) << "it is no minimum for the model";
+  EXPECT_EQ(ToToml(*find(2).file), ToToml(*one.file));
+  // What is said of the robots is what they do when they are played.
+  SolveOptions options;
+  EXPECT_EQ(CountAsAskedInSpace(one.problem(), one.best.x, one.look.purpose, options, 20),
+            one.robust->as_asked);
+}
+
+TEST(SpaceRobust, IsJudgedByRobotsThatDiffer) {
+  ASSERT_TRUE(TheResult().file);
+  const std::vector<double>& x = TheResult().best.x;
+  const std::vector<PurposeFigure>& purpose = TheResult().look.purpose;
+  Problem problem = RobustShift().problem;
+  SolveOptions options;
+  problem.space->robust->spreads = {};
+  problem.space->robust->spreads.mass = 0;
+  problem.space->robust->spreads.LeaveGround();
+  EXPECT_EQ(CountAsAskedInSpace(problem, x, purpose, options, 8), 8) << "the model, eight times";
+  problem.space->robust->spreads.mass = 0.9;
+  EXPECT_LT(CountAsAskedInSpace(problem, x, purpose, options, 8), 8);
+}
+
 TEST(SpaceScene, CreepsOnASlopeThatDryFrictionWouldHoldItOn) {
   const std::string level = ShiftTask();
   const std::string slope =
@@ -253,7 +304,9 @@ TEST(SpaceTask, NamesWhatIsForThePlane) {
     return "";
   };
   EXPECT_EQ(message(ShiftTask()), "");
-  EXPECT_THAT(message(ShiftTask() + "[robust]\nmass = 0.05\n"), HasSubstr("robots in the plane"));
+  EXPECT_THAT(message(ShiftTask() + "[robust]\nzero_rad = 0.05\n"),
+              HasSubstr("zero_rad: is not a key"));
+  EXPECT_EQ(message(ShiftTask() + "[robust]\nfriction = { factor = 2.0 }\n"), "");
   EXPECT_THAT(
       message(testing::Replaced(ShiftTask(), "settle_s = 0.2", "settle_s = 0.2\nslope_rad = 0.1")),
       HasSubstr("normal of an [[obstacle]]"));
