@@ -132,6 +132,15 @@ enum class HeldTorque {
   kRest,  ///< The plan's torque at the end of the settle phase.
 };
 
+/// What takes the place of a problem's `scene` where the robot moves in space.
+struct SceneInSpace {
+  SpaceScene scene;
+  /// Of the root's frame at the start; its angles in `start_q` are 0.
+  SpaceMatrix start_orientation = SpaceMatrix::Identity();
+  /// What the motion has to bear; none: it is found for the model alone.
+  std::optional<SpaceRobustSettings> robust;
+};
+
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
 struct Problem {
   std::string name;
@@ -143,16 +152,8 @@ struct Problem {
   /// (`AdvisableStep`, `SpringStep`). Infinite without either.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
-  /// What takes the place of `scene` where the robot moves in space.
-  struct InSpace {
-    SpaceScene scene;
-    /// Of the root's frame at the start; its angles in `start_q` are 0.
-    SpaceMatrix start_orientation = SpaceMatrix::Identity();
-    /// What the motion has to bear; none: it is found for the model alone.
-    std::optional<SpaceRobustSettings> robust = std::nullopt;
-  };
   /// None: the robot moves in the plane. Where it is there, `scene` is empty.
-  std::optional<InSpace> space;
+  std::optional<SceneInSpace> space;
 
   /// Positions of all degrees of freedom at the start [m, rad].
   std::vector<double> start_q;
