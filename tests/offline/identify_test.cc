@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -23,7 +24,7 @@ namespace {
 /// The drives of all runs.
 const std::string kDrives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
 
-/// Two excitations of few candidates, made once.
+/// Two excitations of few candidates, made once in a process.
 const std::vector<testing::HiddenRuns>& Excitations() {
   static const testing::TemporaryFolder folder;
   static const std::vector<testing::HiddenRuns> runs = [] {
@@ -71,7 +72,7 @@ PosteriorFile FileOf(const RobotPosterior& posterior) {
   return file;
 }
 
-TEST(Identify, TwoExcitationsTellAHiddenRobot) {
+TEST(HiddenRobot, IsToldByTwoExcitations) {
   const Scene& scene = Excitations().front().scene();
   const testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 2);
   const std::vector<RecordedMotion> records = RecordsOf(robot);
@@ -133,7 +134,7 @@ TEST(Identify, ALagOfTheCurrentLoopIsFound) {
   }
 }
 
-TEST(Identify, LengthsThatAreOffAreKnownToBeUncertain) {
+TEST(HiddenRobot, HasLengthsThatAreKnownToBeUncertain) {
   const Scene& scene = Excitations().front().scene();
   testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 8);
   robot.variation.links[0].length = 1.01;
@@ -193,15 +194,16 @@ TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
 TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
   const testing::TemporaryFolder folder;
   const std::string whole = folder / "whole.rec", cut = folder / "cut.rec";
-  const testing::HiddenRuns& run = Excitations().back();
+  const testing::HiddenRuns run(testing::SourcePath("primitives/handstand.toml"), kDrives);
   run.Record(testing::DrawHiddenRobot(run.scene(), 1, 1, 0), whole);
   const std::size_t ticks = ReadRecordedMotion(whole).ticks.size();
   const std::string bytes = testing::ReadFile(whole);
-  std::ofstream(cut, std::ios::binary) << bytes.substr(0, bytes.size() / 4);
+  std::ofstream(cut, std::ios::binary) << bytes.substr(0, bytes.size() / 10);
   const RecordedMotion record = ReadRecordedMotion(cut);
   EXPECT_LT(record.ticks.size(), ticks);
-  ASSERT_FALSE(record.remarks.empty());
-  EXPECT_NE(record.remarks[0].find("cut"), std::string::npos);
+  EXPECT_TRUE(std::ranges::any_of(record.remarks, [](const std::string& remark) {
+    return remark.find("is cut in the motion") != std::string::npos;
+  }));
 }
 
 TEST(Identify, ARecordWithoutMotionIsRefused) {

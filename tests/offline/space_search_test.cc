@@ -95,13 +95,13 @@ WorkSettings Quietly(int threads) {
   return settings;
 }
 
-/// The motion of that task, found once for all tests.
+/// The motion of that task, found once for all tests of MotionInSpace, which are one process.
 const TaskResult& TheResult() {
   static const TaskResult result = WorkOn(Shift(), Quietly(1));
   return result;
 }
 
-TEST(SpaceSearch, FindsAMotionThatIsAsAskedByAFinerStep) {
+TEST(MotionInSpace, IsAsAskedByAFinerStep) {
   const TaskResult& result = TheResult();
   ASSERT_TRUE(result.file) << result.cause;
   EXPECT_TRUE(result.look.acceptable()) << result.look.Objections();
@@ -113,14 +113,14 @@ TEST(SpaceSearch, FindsAMotionThatIsAsAskedByAFinerStep) {
   EXPECT_LT(result.file->certificate.constraint_violation, 1e-6);
 }
 
-TEST(SpaceSearch, FindsTheSameMotionAgainWithTwoThreads) {
+TEST(MotionInSpace, IsTheSameAgainWithTwoThreads) {
   ASSERT_TRUE(TheResult().file);
   const TaskResult again = WorkOn(Shift(), Quietly(2));
   ASSERT_TRUE(again.file);
   EXPECT_EQ(ContentHash(*again.file), ContentHash(*TheResult().file));
 }
 
-TEST(SpacePrimitive, KeepsWhereItsRootIsAndWhatItIsForThroughItsFile) {
+TEST(MotionInSpace, KeepsWhereItsRootIsAndWhatItIsForThroughItsFile) {
   ASSERT_TRUE(TheResult().file);
   const PrimitiveFile& file = *TheResult().file;
   const PrimitiveFile read = ParsePrimitive(ToToml(file), "shift.toml");
@@ -137,7 +137,7 @@ TEST(SpacePrimitive, KeepsWhereItsRootIsAndWhatItIsForThroughItsFile) {
   EXPECT_THROW(TaskOf(read), FileError);  // A caller who takes the plane alone.
 }
 
-TEST(SpacePrimitive, IsRefusedWithAQuaternionThatIsNoRotation) {
+TEST(MotionInSpace, IsRefusedWithAQuaternionThatIsNoRotation) {
   ASSERT_TRUE(TheResult().file);
   PrimitiveFile file = *TheResult().file;
   file.entry.root_quaternion = {1, 0.1, 0, 0};
@@ -149,7 +149,7 @@ TEST(SpacePrimitive, IsRefusedWithAQuaternionThatIsNoRotation) {
   }
 }
 
-TEST(SpaceStudy, JudgesRobotsByTheTaskAndTheModelIsAsAsked) {
+TEST(MotionInSpace, IsJudgedOnRobotsByItsTaskAndOnTheModelIsAsAsked) {
   ASSERT_TRUE(TheResult().file);
   const testing::TemporaryFolder folder;
   const std::string path = (folder.path() / "shift.toml").string();
@@ -170,7 +170,7 @@ TEST(SpaceStudy, JudgesRobotsByTheTaskAndTheModelIsAsAsked) {
   EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
 }
 
-TEST(SpaceStudy, JudgesWhatThePrimitiveIsForAndNothingThatNoPushCanChange) {
+TEST(MotionInSpace, IsJudgedByWhatItsPrimitiveIsForAndNotWhereNoPushCouldChangeThat) {
   ASSERT_TRUE(TheResult().file);
   const testing::TemporaryFolder folder;
   PrimitiveFile file = *TheResult().file;
@@ -191,7 +191,7 @@ TEST(SpaceStudy, JudgesWhatThePrimitiveIsForAndNothingThatNoPushCanChange) {
   EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
 }
 
-TEST(SpacePrimitive, IsRefusedWithADirectionOfNoLengthOrAPitchBesideItsQuaternion) {
+TEST(MotionInSpace, IsRefusedWithADirectionOfNoLengthOrAPitchBesideItsQuaternion) {
   ASSERT_TRUE(TheResult().file);
   PrimitiveFile file = *TheResult().file;
   file.purpose[0].along = {0, 0, 0};
@@ -263,7 +263,7 @@ TEST(SpaceScene, CreepsOnASlopeThatDryFrictionWouldHoldItOn) {
   EXPECT_NEAR(problem.space->start_orientation(2, 0), 0.05, 0.01);
 }
 
-TEST(SpacePage, ShowsTheMotionOfAPrimitive) {
+TEST(MotionInSpace, HasAPageOfItsPrimitive) {
   ASSERT_TRUE(TheResult().file);
   const TaskResult& result = TheResult();
   const SpaceMotionPage page = MakeSpaceMotionPage(result.task, result.best.x, *result.file);
@@ -278,7 +278,7 @@ TEST(SpacePage, ShowsTheMotionOfAPrimitive) {
   EXPECT_EQ(page.plots[0].series.size(), 8U);
 }
 
-TEST(SpacePrograms, SayWhatTheyDoNotTakeYet) {
+TEST(MotionInSpace, ProgramsThatDoNotTakeItYetSaySo) {
   ASSERT_TRUE(TheResult().file);
   const testing::TemporaryFolder folder;
   const std::string path = (folder.path() / "shift.toml").string();
