@@ -45,7 +45,7 @@ CostTerm FromStart(CostTerm term, double by) {
 }
 
 /// A dropped robot whose velocities at the start are free, with targets that are given from there.
-Problem Dropped(bool free_duration) {
+Problem DroppedFreely(bool free_duration) {
   Problem problem = HandstandProblem(9);
   problem.start_q[1] += 0.05;
   problem.start_root_rates = {0.3, -0.4, 1.1};
@@ -65,7 +65,7 @@ Problem Dropped(bool free_duration) {
   return problem;
 }
 
-std::vector<double> Motion(const Problem& problem, std::uint64_t seed) {
+std::vector<double> FreeMotion(const Problem& problem, std::uint64_t seed) {
   std::vector<double> x = RandomMotion(problem, seed);
   x.resize(static_cast<std::size_t>(problem.first_start_rate()));
   x.push_back(-0.6);
@@ -75,7 +75,7 @@ std::vector<double> Motion(const Problem& problem, std::uint64_t seed) {
 }
 
 TEST(FreeStart, VelocitiesAreTheParametersBetweenThePathsAndTheDuration) {
-  const Problem problem = Dropped(true);
+  const Problem problem = DroppedFreely(true);
   const int first = problem.first_start_rate();
   EXPECT_EQ(problem.parameter_count(), first + 3);
   EXPECT_EQ(problem.start_coordinate_of(first), 0U);
@@ -83,7 +83,7 @@ TEST(FreeStart, VelocitiesAreTheParametersBetweenThePathsAndTheDuration) {
   EXPECT_FALSE(problem.start_coordinate_of(first - 1) || problem.start_coordinate_of(first + 2));
   EXPECT_TRUE(problem.is_duration(first + 2));
   EXPECT_EQ(problem.bounds_of_parameter(first + 1).max, 2);
-  const std::vector<double> x = Motion(problem, 1);
+  const std::vector<double> x = FreeMotion(problem, 1);
   Rollout(problem, 1e-3).Visit(x, 0, [](const MotionSample& sample) {
     if (sample.time_s > 0) return;
     EXPECT_EQ(sample.qd, (std::vector<double>{-0.6, -0.4, 1.7, 2, 0}));
@@ -93,8 +93,8 @@ TEST(FreeStart, VelocitiesAreTheParametersBetweenThePathsAndTheDuration) {
 TEST(FreeStart, TheGradientIsThatOfCentralDifferencesAndForwardAndBackwardAgree) {
   for (const bool free_duration : {false, true}) {
     SCOPED_TRACE(free_duration ? "free duration" : "");
-    const Problem problem = Dropped(free_duration);
-    testing::ExpectTrueGradients(problem, Motion(problem, 4));
+    const Problem problem = DroppedFreely(free_duration);
+    testing::ExpectTrueGradients(problem, FreeMotion(problem, 4));
   }
 }
 
@@ -152,7 +152,7 @@ TEST(FreeStart, ABoundThatIsReachedHasAMultiplierWithAName) {
 }
 
 TEST(FreeStart, RandomStartsAreAmongTheBoundsAndDiffer) {
-  const Problem problem = Dropped(true);
+  const Problem problem = DroppedFreely(true);
   const RandomStarts starts(problem);
   double least = 1, most = -1;
   for (std::uint64_t sample = 0; sample < 200; ++sample) {
@@ -169,7 +169,7 @@ TEST(FreeStart, RandomStartsAreAmongTheBoundsAndDiffer) {
   EXPECT_GT(most, 0.5);
 }
 
-std::string Refusal(const std::string& task, const std::string& robot = ShippedRobot()) {
+std::string FreeRefusal(const std::string& task, const std::string& robot = ShippedRobot()) {
   try {
     ParseTask(task, "task.toml", robot, "robot.urdf");
   } catch (const FileError& error) {
@@ -199,8 +199,8 @@ ChainOutcome Repeated(const TaskFolder& folder, const PrimitiveFile& motion, int
 }
 
 TEST(FreeStart, AVelocityAtABoundIsThatBound) {
-  Problem problem = Dropped(true);
-  std::vector<double> x = Motion(problem, 1);
+  Problem problem = DroppedFreely(true);
+  std::vector<double> x = FreeMotion(problem, 1);
   const auto first = static_cast<std::size_t>(problem.first_start_rate());
   x[first] = 1 - 1e-13;
   x[first + 1] = 3e-14;
@@ -211,7 +211,7 @@ TEST(FreeStart, AVelocityAtABoundIsThatBound) {
 }
 
 TEST(FreeStart, WhatWasFoundIsNeverShownBeyondItsBounds) {
-  Problem problem = Dropped(false);
+  Problem problem = DroppedFreely(false);
   problem.free_start_rates[0] = Interval<double>{-1, 1.50049};
   problem.start_root_rates[0] = 1.50049;
   EXPECT_EQ(FoundBesidesPaths(problem).front().second, "1.50049 m/s, found between -1 and 1.50049");
@@ -237,7 +237,7 @@ TEST(FreeStart, AnExitInTheAirIsTheStateThereAndNotARestBelow) {
 
 /// An acrobot on a bar with friction, which begins and ends a swing in the same state, and looks
 /// for how fast that is.
-std::string SwingTask() {
+std::string FreeSwingTask() {
   return "format = \"tumbler-task\"\nversion = 1\nname = \"swing\"\nrobot = "
          "\"../robots/tumbler.urdf\"\nroot = \"hinge-y\"\nduration_s = 1.34\n[start]\njoints_rad = "
          "{ waist = 0.2 }\njoints_rad_s = { waist = 1.0 }\npitch_rad_s = 3.0\npitch_min_rad_s = "
@@ -250,33 +250,34 @@ std::string SwingTask() {
 }
 
 TEST(FreeStart, BoundsThatMakeNoSenseAreRefusedByName) {
-  EXPECT_EQ(Refusal(ThrowTask(kThrown)), "accepted");
-  EXPECT_THAT(Refusal(ThrowTask("x_max_m_s = 1.0")),
+  EXPECT_EQ(FreeRefusal(ThrowTask(kThrown)), "accepted");
+  EXPECT_THAT(FreeRefusal(ThrowTask("x_max_m_s = 1.0")),
               HasSubstr("start.x_min_m_s: is missing; allowed: both bounds of the velocity"));
-  EXPECT_THAT(Refusal(ThrowTask("x_min_m_s = 2.0\nx_max_m_s = 1.0")),
+  EXPECT_THAT(FreeRefusal(ThrowTask("x_min_m_s = 2.0\nx_max_m_s = 1.0")),
               HasSubstr("start.x_min_m_s: is 2 m/s, above x_max_m_s, which is 1 m/s"));
-  EXPECT_THAT(Refusal(ThrowTask("z_min_m_s = 1.0\nz_max_m_s = 2.0")),
+  EXPECT_THAT(FreeRefusal(ThrowTask("z_min_m_s = 1.0\nz_max_m_s = 2.0")),
               HasSubstr("start.z_min_m_s: is 1 m/s, but the task's z_m_s is 0 m/s; allowed: up to "
                         "z_m_s"));
-  EXPECT_THAT(Refusal(ThrowTask("pitch_rad_s = 3.0\npitch_min_rad_s = 1.0\npitch_max_rad_s = 2.0")),
-              HasSubstr("start.pitch_max_rad_s: is 2 rad/s, but the task's pitch_rad_s is 3 rad/s; "
-                        "allowed: pitch_rad_s or more"));
-  EXPECT_THAT(Refusal(ThrowTask("x_min_m_s = -200.0\nx_max_m_s = 1.0")), HasSubstr("-100"));
-  EXPECT_THAT(Refusal(Replaced(SwingTask(), "pitch_rad_s = 3.0",
-                               "pitch_rad_s = 3.0\nx_min_m_s = -1.0\nx_max_m_s = 1.0"),
-                      Acrobot()),
+  EXPECT_THAT(
+      FreeRefusal(ThrowTask("pitch_rad_s = 3.0\npitch_min_rad_s = 1.0\npitch_max_rad_s = 2.0")),
+      HasSubstr("start.pitch_max_rad_s: is 2 rad/s, but the task's pitch_rad_s is 3 rad/s; "
+                "allowed: pitch_rad_s or more"));
+  EXPECT_THAT(FreeRefusal(ThrowTask("x_min_m_s = -200.0\nx_max_m_s = 1.0")), HasSubstr("-100"));
+  EXPECT_THAT(FreeRefusal(Replaced(FreeSwingTask(), "pitch_rad_s = 3.0",
+                                   "pitch_rad_s = 3.0\nx_min_m_s = -1.0\nx_max_m_s = 1.0"),
+                          Acrobot()),
               HasSubstr("start.x_min_m_s: moves what the bar holds"));
   const std::string robust =
       testing::ReadFile(testing::SourcePath("primitives/tasks/handstand.toml"));
   for (const char* const start : {"pitch_rad_s = 0.2", "z_min_m_s = -0.1\nz_max_m_s = 0.1"}) {
-    EXPECT_THAT(Refusal(Replaced(robust, "pitch_rad = 0.0\n",
-                                 std::string("pitch_rad = 0.0\n") + start + "\n")),
+    EXPECT_THAT(FreeRefusal(Replaced(robust, "pitch_rad = 0.0\n",
+                                     std::string("pitch_rad = 0.0\n") + start + "\n")),
                 HasSubstr("start: lets the root move, and robots of [robust] begin at rest"));
   }
 }
 
 TEST(PeriodicMotion, ASwingFindsHowFastItHasToBeginAndRepeatsItselfInAChain) {
-  const TaskFolder folder(SwingTask(), Acrobot());
+  const TaskFolder folder(FreeSwingTask(), Acrobot());
   Task task = LoadTask(folder.task_file());
   std::vector<double> x;
   for (int i = 0; i < task.problem.joints[0].free_points(); ++i) x.push_back(0.2);
@@ -300,7 +301,7 @@ TEST(PeriodicMotion, ASwingFindsHowFastItHasToBeginAndRepeatsItselfInAChain) {
 }
 
 TEST(PeriodicMotion, AFullTurnWhoseJointIsAtRestAtItsEndsIsRepeatedAndGoneOnFrom) {
-  std::string turns = SwingTask();
+  std::string turns = FreeSwingTask();
   for (int end = 0; end < 2; ++end) {
     turns = Replaced(turns, "joints_rad = { waist = 0.2 }\njoints_rad_s = { waist = 1.0 }",
                      "joints_rad = { waist = 0.0 }");

@@ -34,7 +34,7 @@ bool SameBits(const T& a, const T& b) {
   return std::memcmp(&a, &b, sizeof(T)) == 0;
 }
 
-PrimitiveFile Handstand() {
+PrimitiveFile HandstandFile() {
   return LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
 }
 
@@ -97,7 +97,7 @@ std::vector<LaneSetpoint<Packet>> InAllLanes(const std::vector<LaneSetpoint<doub
 }
 
 TEST(Lanes, EveryLaneOfEveryKernelGetsTheBitsOfOneRobotAlone) {
-  const PrimitiveFile file = Handstand();
+  const PrimitiveFile file = HandstandFile();
   Scene with_stone = TaskOf(file).problem.scene;  // under the foot that the robot begins on
   with_stone.obstacles.push_back(
       {"stone", Shape<Plane>::Box({-0.2, 0}, {}, Plane::Vector(0.3, 0.004))});
@@ -135,7 +135,7 @@ TEST(Lanes, EveryLaneOfEveryKernelGetsTheBitsOfOneRobotAlone) {
 }
 
 TEST(Lanes, MotionsByTheClassicalMethodHaveTheSameBitsInEveryLaneToo) {
-  const PrimitiveFile file = Handstand();
+  const PrimitiveFile file = HandstandFile();
   const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
   const auto setpoints = SetpointsOf(file.primitive, 0.2);
   std::mt19937_64 random(7);
@@ -160,7 +160,7 @@ TEST(Lanes, MotionsByTheClassicalMethodHaveTheSameBitsInEveryLaneToo) {
 }
 
 TEST(Lanes, PrescribedMotionsHaveTheSameBitsInEveryLaneToo) {
-  const PrimitiveFile file = Handstand();
+  const PrimitiveFile file = HandstandFile();
   const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
   std::vector<LaneSetpoint<double>> setpoints;
   for (int k = 0; k < 4000; ++k) {
@@ -335,7 +335,7 @@ TEST(Lanes, TorquesOfPrescribedJointsAreThoseOfTheSceneDynamics) {
 }
 
 TEST(Lanes, ANominalRobotEndsWhereTheShippedPlanEndsAtAFineStep) {
-  const PrimitiveFile file = Handstand();
+  const PrimitiveFile file = HandstandFile();
   const LaneScene scene =
       MakeLaneScene(TaskOf(file).problem.scene, {.viscous_friction_nm_s_per_rad = 0});
   const double step_s = 2e-5;

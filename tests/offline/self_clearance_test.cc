@@ -49,7 +49,7 @@ std::set<std::string> NamesOf(const PlanarRobot& robot, const std::vector<OwnPai
   return names;
 }
 
-Scene SceneOf(const std::string& task, const std::string& robot = ShippedRobot()) {
+Scene SceneOfTask(const std::string& task, const std::string& robot = ShippedRobot()) {
   return ParseTask(task, "task.toml", robot, "robot.urdf").problem.scene;
 }
 
@@ -59,7 +59,7 @@ std::string WithSelfContact(const std::string& keys) {
 
 std::string ErrorOf(const std::string& task) {
   try {
-    SceneOf(task);
+    SceneOfTask(task);
   } catch (const FileError& error) {
     return error.what();
   }
@@ -419,13 +419,13 @@ TEST(ClearanceConstraint, IsAnOutputOfTheRolloutByBothGradients) {
 // ---- The keys -----------------------------------------------------------------------------------
 
 TEST(SelfContactKeys, WithoutThemAllShapesKeepFiveMillimetres) {
-  const Scene scene = SceneOf(QuickTask());
+  const Scene scene = SceneOfTask(QuickTask());
   EXPECT_EQ(scene.self_contact.clearance_m, 0.005);
   EXPECT_EQ(scene.self_contact.pairs, SeparatePairs(scene.robot, OwnShapes::kAll, 0.005));
 }
 
 TEST(SelfContactKeys, PairsCanBeLeftOutAndAdded) {
-  const Scene scene = SceneOf(WithSelfContact(
+  const Scene scene = SceneOfTask(WithSelfContact(
       "clearance_m = 0.002\nshapes = \"collision\"\n"
       "leave_out = [[\"leg1_link/0\", \"leg2_link\"]]\n"
       "add = [[\"leg2_link/visual/1\", \"leg1_link/1\"], [\"leg1_link/1\", \"leg2_link/0\"]]"));
@@ -436,7 +436,7 @@ TEST(SelfContactKeys, PairsCanBeLeftOutAndAdded) {
   EXPECT_THAT(names, Contains("leg1_link/1 and leg2_link/1"));
   EXPECT_THAT(names, Contains("leg1_link/1 and leg2_link/visual/1"));
   EXPECT_EQ(names.size(), 8U - 2U + 1U) << "one that is there already is not there twice";
-  EXPECT_TRUE(SceneOf(WithSelfContact("shapes = \"none\"")).self_contact.pairs.empty());
+  EXPECT_TRUE(SceneOfTask(WithSelfContact("shapes = \"none\"")).self_contact.pairs.empty());
 }
 
 TEST(SelfContactKeys, WrongNamesAreRefusedWithThoseThatThereAre) {

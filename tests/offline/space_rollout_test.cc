@@ -187,7 +187,7 @@ TEST(SpaceRollout, OfARobotInThePlaneFollowsThePlaneThroughImpacts) {
   EXPECT_LT(worst, 1e-12);
 }
 
-std::vector<double> Outputs(const RolloutResult& result) {
+std::vector<double> OutputsOf(const RolloutResult& result) {
   std::vector<double> out{result.cost};
   out.insert(out.end(), result.torque_excess.begin(), result.torque_excess.end());
   out.push_back(result.penetration_excess);
@@ -209,9 +209,9 @@ double GradientError(const Problem& problem, const std::vector<double>& x, doubl
     for (std::size_t k = 0; k < x.size(); ++k) {
       std::vector<double> shifted = x;
       shifted[k] = x[k] + h;
-      const std::vector<double> plus = Outputs(rollout.Run(shifted));
+      const std::vector<double> plus = OutputsOf(rollout.Run(shifted));
       shifted[k] = x[k] - h;
-      const std::vector<double> minus = Outputs(rollout.Run(shifted));
+      const std::vector<double> minus = OutputsOf(rollout.Run(shifted));
       for (std::size_t i = 0; i < worst.size(); ++i) {
         const auto row = static_cast<Eigen::Index>(i);
         const double slope = gradient(row, static_cast<Eigen::Index>(k));
