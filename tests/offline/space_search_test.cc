@@ -205,17 +205,17 @@ TEST(MotionInSpace, IsRefusedWithADirectionOfNoLengthOrAPitchBesideItsQuaternion
 Task RobustShift() {
   Task task = ParseTask(ShiftTask() +
                             "[robust]\nmass = 0.1\nfriction = { from = 0.2, to = 1.0 }\n"
-                            "robots = 4\ncandidates = 6\ngenerations = 3\n",
+                            "robots = 2\ncandidates = 4\ngenerations = 2\n",
                         "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
                         "solo8.urdf", TaskSpaces::kPlaneAndSpace);
   SpaceRobustSettings& robust = *task.problem.space->robust;
-  robust.first_judges = 3;
-  robust.last_judges = 6;
-  robust.fresh = 20;
+  robust.first_judges = 2;
+  robust.last_judges = 4;
+  robust.fresh = 10;
   return task;
 }
 
-TEST(SpaceRobust, ServesNoFewerRobotsThanBeforeWhateverTheThreads) {
+TEST(MotionInSpace, MadeRobustServesNoFewerRobotsThanBeforeWhateverTheThreads) {
   ASSERT_TRUE(TheResult().file);
   // From the motion that is there, so that nothing is searched for the model again.
   const auto find = [](int threads) {
@@ -226,18 +226,18 @@ TEST(SpaceRobust, ServesNoFewerRobotsThanBeforeWhateverTheThreads) {
   const TaskResult one = find(1);
   ASSERT_TRUE(one.file) << one.cause;
   ASSERT_TRUE(one.robust);
-  EXPECT_EQ(one.robust->of, 20);
+  EXPECT_EQ(one.robust->of, 10);
   EXPECT_GE(one.robust->as_asked, one.robust->before);
   EXPECT_GT(one.robust->as_asked, 0);
   EXPECT_FALSE(one.file->certificate.kkt_residual) << "it is no minimum for the model";
   EXPECT_EQ(ToToml(*find(2).file), ToToml(*one.file));
   // What is said of the robots is what they do when they are played.
   SolveOptions options;
-  EXPECT_EQ(CountAsAskedInSpace(one.problem(), one.best.x, one.look.purpose, options, 20),
+  EXPECT_EQ(CountAsAskedInSpace(one.problem(), one.best.x, one.look.purpose, options, 10),
             one.robust->as_asked);
 }
 
-TEST(SpaceRobust, IsJudgedByRobotsThatDiffer) {
+TEST(MotionInSpace, IsCountedOnRobotsThatDiffer) {
   ASSERT_TRUE(TheResult().file);
   const std::vector<double>& x = TheResult().best.x;
   const std::vector<PurposeFigure>& purpose = TheResult().look.purpose;
