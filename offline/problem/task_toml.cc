@@ -278,6 +278,11 @@ Task Parse(const std::string& task_text, const std::string& task_name,
     }
     std::optional<PrimitivePose> pose;
     if (given) pose = *given->pose;
+    if (pose && !pose->is_in_space()) {
+      root.Fail("root", fmt::format("is \"floating\", and {} has no root_quaternion, which every "
+                                    "motion of a robot in space has: make it again",
+                                    given->from));
+    }
     task.problem = ReadSpaceTask(std::move(root), in_space, pose);
   } else {
     task.problem = TaskReader(std::move(root), ReduceToPlane(in_space), std::move(given)).Read();

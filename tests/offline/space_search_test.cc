@@ -201,6 +201,18 @@ TEST(MotionInSpace, IsRefusedWithADirectionOfNoLengthOrAPitchBesideItsQuaternion
   EXPECT_THROW(ToToml(file), std::exception);
 }
 
+TEST(MotionInSpace, WithoutItsQuaternionIsSaidToLackIt) {
+  ASSERT_TRUE(TheResult().file);
+  PrimitiveFile file = *TheResult().file;
+  file.entry.root_quaternion = {};
+  try {
+    static_cast<void>(TaskOf(file, TaskSpaces::kPlaneAndSpace));
+    ADD_FAILURE() << "accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("the entry of 'shift' has no root_quaternion"));
+  }
+}
+
 /// The same on ground of which little is known, and searched for briefly.
 Task RobustShift() {
   Task task = ParseTask(ShiftTask() +
