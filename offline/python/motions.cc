@@ -138,7 +138,7 @@ py::object EvaluatePrimitive(const LoadedPrimitive& self, const py::array_t<doub
 std::string CheckFile(const std::string& path) {
   const std::string format = TomlTable::ParseFile(path).String("format", "");
   if (format == "tumbler-task") {
-    static_cast<void>(LoadTask(path));
+    static_cast<void>(LoadTask(path, TaskSpaces::kPlaneAndSpace));
     return "task";
   }
   const SequenceFile motion = LoadMotion(path);

@@ -83,7 +83,8 @@ Task TaskFor(const py::object& asked, const OptimiseOptions& options) {
     }
   } else {
     task = Reading(asked.cast<TaskPath>().string(), [&](const std::string& name) {
-      return before ? LoadTask(name, *before, before_name) : LoadTask(name);
+      return before ? LoadTask(name, *before, before_name)
+                    : LoadTask(name, TaskSpaces::kPlaneAndSpace);
     });
   }
   if (options.seed) {

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <limits>
+#include <stdexcept>
 #include <utility>
 
 #include "offline/python/arrays.h"
@@ -153,10 +154,19 @@ Scene WithoutGround(Scene scene) {
   return scene;
 }
 
+/// The task, which has to be one in the plane.
+std::shared_ptr<const Task> InPlane(std::shared_ptr<const Task> task) {
+  if (task->problem.space) {
+    throw std::invalid_argument("task: '" + task->problem.name +
+                                "' is of a robot in space; a Model is of one in the plane so far");
+  }
+  return task;
+}
+
 }  // namespace
 
 RobotModel::RobotModel(std::shared_ptr<const Task> task)
-    : task_(std::move(task)),
+    : task_(InPlane(std::move(task))),
       in_the_air_(WithoutGround(task_->problem.scene)),
       dynamics_(task_->problem.scene),
       dynamics_in_the_air_(in_the_air_) {}

@@ -28,14 +28,14 @@ using TaskPointer = std::shared_ptr<Task>;
 TaskPointer TaskOfText(const std::string& text, const std::string& name,
                        const std::optional<std::string>& robot_text) {
   return std::make_shared<Task>(Reading(name, [&](const std::string& n) {
-    return robot_text ? ParseTask(text, n, *robot_text, "robot_text") : ParseTask(text, n);
+    return robot_text ? ParseTask(text, n, *robot_text, "robot_text", TaskSpaces::kPlaneAndSpace)
+                      : ParseTask(text, n, TaskSpaces::kPlaneAndSpace);
   }));
 }
 
 std::vector<std::string> JointNames(const Problem& problem) {
   std::vector<std::string> names;
-  for (const ActuatedJoint& joint : problem.joints)
-    names.push_back(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+  for (const ActuatedJoint& joint : problem.joints) names.push_back(problem.name_of(joint));
   return names;
 }
 
@@ -59,7 +59,7 @@ TaskPointer Replaced(const Task& self, const py::object& changes,
       TomlOfPython().attr("changed")(self.task_text, self.task_file, all).cast<std::string>();
   if (robot_text || all.contains("robot")) return TaskOfText(text, self.task_file, robot_text);
   return std::make_shared<Task>(Reading(self.task_file, [&](const std::string& name) {
-    return ParseTask(text, name, self.robot_text, self.robot_file);
+    return ParseTask(text, name, self.robot_text, self.robot_file, TaskSpaces::kPlaneAndSpace);
   }));
 }
 
@@ -67,8 +67,9 @@ void BindConstructors(py::class_<Task, TaskPointer>& of) {
   DefineStatic(
       of, "load",
       [](const TaskPath& path) {
-        return std::make_shared<Task>(
-            Reading(path.string(), [](const std::string& p) { return LoadTask(p); }));
+        return std::make_shared<Task>(Reading(path.string(), [](const std::string& p) {
+          return LoadTask(p, TaskSpaces::kPlaneAndSpace);
+        }));
       },
       "Reads and checks a task file, and its robot. Throws FileError.", py::arg("path"));
   DefineStatic(

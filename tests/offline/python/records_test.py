@@ -97,6 +97,16 @@ class Simulations(support.WithFolder):
         self.assert_same_ticks(run.record.columns, self.run_of_program(HANDSTAND)[0].columns)
         self.assertGreater(run.record.truth["root_z_m"].size, 1000)
 
+    def test_play_robots_in_space(self):
+        solo8 = support.PRIMITIVES / "solo8"
+        run = tumbler.simulate(solo8 / "walk.toml", drives=solo8 / "drives.toml", twin=solo8 / "twin.toml")
+        self.assertTrue(run.as_asked, run.summary)
+        truth = run.record.truth
+        quaternion = np.stack([truth[f"root_quaternion_{part}"] for part in "wxyz"])
+        np.testing.assert_allclose(np.linalg.norm(quaternion, axis=0), 1, rtol=1e-12)
+        self.assertAlmostEqual(truth["root_x_m"][-1], 0.3, delta=0.03)
+        self.assertEqual(truth["push_y_n"].min(), -6)
+
     def test_begin_where_the_program_begins(self):
         motion = support.PRIMITIVES / "get_up.toml"
         run = tumbler.simulate(motion, from_node="rise")
