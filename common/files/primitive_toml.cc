@@ -587,7 +587,13 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   if (std::optional<TomlTable> drives = root.OptionalTable("drives"))
     ReadKeys(*drives, kDriveGainsKeys, file.drives.emplace());
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
-  file.exit = ReadPose(root.Table("exit"), file.primitive, true);
+  TomlTable exit = root.Table("exit");
+  file.exit = ReadPose(exit, file.primitive, true);
+  if (file.exit.is_in_space() != file.entry.is_in_space()) {
+    exit.Fail("root_quaternion", fmt::format("is {}, unlike the entry's; allowed: in both, of a "
+                                             "robot in space, or in none",
+                                             file.exit.is_in_space() ? "there" : "missing"));
+  }
   const double settled_s = file.primitive.duration_s + file.primitive.settle_s;
   for (TomlTable& contact : root.OptionalTables("contact"))
     file.contacts.push_back(ReadContact(contact, settled_s));

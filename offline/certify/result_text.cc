@@ -58,7 +58,8 @@ const char* GradientCause(const Certificate& certificate) {
 /// Prints targets and results beside each other, and warns of a limit that only the finer step
 /// shows to be exceeded.
 /// @param in_space  whether it is of a robot in space.
-void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space) {
+/// @param robust    whether it was found for robots that differ, which is said of itself.
+void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space, bool robust) {
   fmt::print(people, "  with a step of {:.3g} ms: peak torque {:.2f} N m, penetration {:.2f} mm\n",
              1e3 * look.step_s, look.peak_torque_nm, 1e3 * look.peak_penetration_m);
   if (!look.self_clearance_of.empty()) {
@@ -82,7 +83,7 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space) {
         "that slope by {} mrad to either side, and from starts that lean by {} mrad\n",
         in_space ? kStaysInSpace_s : kStays_s, look.drives->kp_nm_per_rad,
         look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad, 1e3 * kLean_rad);
-  } else {
+  } else if (!robust) {
     fmt::print(people,
                "  not played through drives, which give way: that is done with what is to end at "
                "rest, without a feedback in the hold\n");
@@ -215,7 +216,8 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
              FormatCertificate(format.c_str(), c, result.problem().contact().d_on_m));
   for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
     fmt::print(people, "  {} {}\n", name, value);
-  PrintSecondLook(people, result.look, result.problem().space.has_value());
+  PrintSecondLook(people, result.look, result.problem().space.has_value(),
+                  result.robust.has_value());
   PrintDamping(people, result);
   PrintSteps(people, result);
   PrintRobust(people, result);

@@ -8,6 +8,7 @@
 
 #include "common/core/functions.h"
 #include "runtime/assembly/operator_mailbox.h"
+#include "runtime/record/message_readers.h"
 #include "runtime/record/sentences.h"
 
 namespace tumbler {
@@ -90,16 +91,20 @@ void RunEvents::AddFaults(const TickRecord& record, double t) {
   faults_ = record.faults;
 }
 
-void RunEvents::TakeTruth(double t, const truth_t& truth) {
+void RunEvents::TakeTruth(double t, const space_truth_t& state) {
+  const truth_t& truth = state.truth;
   if (truth.resting_as != resting_as_ && !truth.resting_as.empty()) {
     Add(t, RunEvent::Kind::kTruth, fmt::format("the robot rests {}", truth.resting_as));
   }
   if (truth.fallen != 0 && !fallen_) Add(t, RunEvent::Kind::kTruth, "the robot has fallen");
-  const bool pushes = portable::Length(truth.push_x_n, truth.push_z_n) > kPush_n;
+  const double in_plane_n = portable::Length(truth.push_x_n, truth.push_z_n);
+  const bool pushes = portable::Length(in_plane_n, state.push_y_n) > kPush_n;
   if (pushes && !pushed_) {
+    const std::string sideways =
+        IsInSpace(state) ? fmt::format("{:.3g} N along y, ", state.push_y_n) : "";
     Add(t, RunEvent::Kind::kTruth,
-        fmt::format("the robot is pushed: {:.3g} N along x, {:.3g} N along z", truth.push_x_n,
-                    truth.push_z_n));
+        fmt::format("the robot is pushed: {:.3g} N along x, {}{:.3g} N along z", truth.push_x_n,
+                    sideways, truth.push_z_n));
   }
   resting_as_ = truth.resting_as;
   fallen_ = truth.fallen != 0;

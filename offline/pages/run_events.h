@@ -8,7 +8,7 @@
 #include "offline/pages/run_data.h"
 #include "runtime/executor/tick_entry.h"
 
-#include <tumbler/truth_t.hpp>
+#include <tumbler/space_truth_t.hpp>
 
 namespace tumbler {
 
@@ -32,7 +32,8 @@ class RunEvents {
   /// @param missing  how many ticks between the two were not recorded.
   void TakeTick(const TickEntry& entry, const RunTick& tick, const RunTick* before,
                 std::int64_t missing);
-  void TakeTruth(double time_s, const truth_t& truth);
+  /// In the plane or in space.
+  void TakeTruth(double time_s, const space_truth_t& state);
 
   /// All events in the order of time.
   [[nodiscard]] std::vector<RunEvent> Take();

@@ -226,7 +226,7 @@ class RunReader {
         velocity.push_back(joint->velocity_rad_s);
         torque.push_back(joint->torque_nm);
       }
-      events_.TakeTruth(t, truth);
+      events_.TakeTruth(t, state);
       if (run_.space) {
         SpacePosture posture{{truth.root_x_m, state.root_y_m, truth.root_z_m}, {}, position};
         std::ranges::copy(state.root_quaternion, posture.root_quaternion.begin());

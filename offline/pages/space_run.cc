@@ -103,10 +103,12 @@ SpaceMotionPage MakeSpaceRunPage(const RunData& run, const FlightReportOptions& 
   }
   page.motion_s = std::clamp(page.motion_s, page.frames.front().time_s, page.frames.back().time_s);
   AddFacts(run, page);
-  page.notes = space.true_root
-                   ? "The robot is drawn as the simulation says that it truly was."
-                   : "Nothing tells where the root was: it is drawn where the motion begins, and "
-                     "only the joints are as they were measured.";
+  page.notes =
+      space.true_root
+          ? "The robot is drawn as the simulation says that it truly was. Obstacles that a "
+            "twin file adds are not drawn."
+          : "Nothing tells where the root was: it is drawn where the motion begins, and "
+            "only the joints are as they were measured.";
   for (const RunEvent& event : run.events)
     page.notes += fmt::format("\n{:.3f} s: {}", event.time_s, event.text);
   return page;

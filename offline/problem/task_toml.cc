@@ -269,6 +269,14 @@ Task Parse(const std::string& task_text, const std::string& task_name,
   CheckLocked(root, locked, in_space);
   Task task;
   if (named.root == RootKind::kFloating) {
+    if (takes == TaskSpaces::kPlane && given) {
+      throw FileError(
+          task_name, 0, "root",
+          fmt::format("{} is of a robot in space (root = \"floating\"), which this does "
+                      "not take; docs/space.md says what does: tumbler run sim, "
+                      "tumbler robustness, tumbler view --out with it alone",
+                      given->from));
+    }
     if (takes == TaskSpaces::kPlane) {
       root.Fail(
           "root",

@@ -49,6 +49,8 @@ class SimulatedWorld final : public World {
     summary.left_out = judge_.left_out();
     summary.broken_off = judge_.moving();
     summary.measured_load = robot_.bus().load();
+    // A robot that falls as the run ends lies only some time after it.
+    summary.after_torque_off = LeaveAlone();
     for (const PostureEvent& event : robot_.posture().events()) {
       const double time_s = static_cast<double>(event.time_ns) / 1e9;
       if (event.kind == PostureEvent::Kind::kFall)
@@ -56,7 +58,6 @@ class SimulatedWorld final : public World {
       if (event.kind == PostureEvent::Kind::kOverlap)
         summary.overlaps.push_back({time_s, Describe(event)});
     }
-    summary.after_torque_off = LeaveAlone();
     try {
       truth_.Finish();
     } catch (const std::exception& error) {
@@ -118,6 +119,8 @@ class SimulatedWorld final : public World {
     // A fall from the height of a hand is faster than this.
     constexpr double kDrop_m_s = 0.75;
     const double speed_m_s = posture.sinking_max_m_s();
+    if (speed_m_s == 0)
+      return fmt::format("has neither sunk nor come to rest; z {:.3f} m", robot_.state().root_z_m);
     return fmt::format("{}, at {:.2f} m/s at most; z {:.3f} m",
                        speed_m_s > kDrop_m_s ? "drops" : "has sunk", speed_m_s,
                        robot_.state().root_z_m);

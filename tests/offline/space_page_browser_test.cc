@@ -140,7 +140,7 @@ TEST_F(SpacePageInBrowser, PlaysAndTheSliderKeysAndPosesMoveTheRobot) {
     const [x] = cells.root;
     say(x.textContent);)"),
             fmt::format("at first false\nslider 0.800 s  true\nright 0.817 s  true\n"
-                        "end 2.300 s settling true\npose 0.283 s  true\n0.28 s\n"
+                        "end 2.300 s after the motion true\npose 0.283 s  true\n0.28 s\n"
                         "played 0.303 s  true\n{:.3f}\n",
                         page.frames[18].poses[0].translation.x() +
                             (0.30333 - 0.3) * 60 *

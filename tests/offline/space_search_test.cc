@@ -213,6 +213,14 @@ TEST(MotionInSpace, WithoutItsQuaternionIsSaidToLackIt) {
   }
 }
 
+TEST(MotionInSpace, IsThatAtBothOfItsEnds) {
+  ASSERT_TRUE(TheResult().file);
+  PrimitiveFile file = *TheResult().file;
+  file.exit.root_quaternion = {};
+  file.exit.root_y_m = 0;
+  EXPECT_THROW(ParsePrimitive(ToToml(file), "shift.toml"), std::exception);
+}
+
 /// The same on ground of which little is known, and searched for briefly.
 Task RobustShift() {
   Task task = ParseTask(ShiftTask() +

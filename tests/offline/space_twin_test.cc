@@ -283,6 +283,19 @@ TEST_F(SoloWalks, AsAskedAndTheRecordReplaysAndIsExportedAndShown) {
   EXPECT_THAT(page, HasSubstr("the robot rests as after walk"));
 }
 
+TEST_F(SoloWalks, APageTellsOfPushesFromTheSideAndWhatCannotShowItSaysWhatCan) {
+  const std::string record = Path("pushed.rec");
+  const std::string twin = SourcePath("primitives/solo8/twin.toml");
+  ASSERT_EQ(Run(walk_, {"--record", record, "--twin", twin}).exit_code, 0);
+  ASSERT_EQ(testing::RunProgram({"tumbler view", record, "--out", Path("pushed.html")}).exit_code,
+            0);
+  EXPECT_THAT(ReadFile(Path("pushed.html")), HasSubstr("0 N along x, -6 N along y, 0 N along z"));
+  const testing::Outcome served = testing::RunProgram({"tumbler view", record, "--port", "0"});
+  EXPECT_EQ(served.exit_code, 1);
+  EXPECT_THAT(served.text, HasSubstr("the entry of 'walk' is of a robot in space"));
+  EXPECT_THAT(served.text, HasSubstr("tumbler view --out with it alone"));
+}
+
 TEST_F(SoloWalks, AsItsPageShowsTheMotionAlone) {
   const testing::Outcome view =
       testing::RunProgram({"tumbler view", walk_, "--out", Path("motion.html")});
@@ -319,6 +332,16 @@ TEST_F(SoloWalks, APushFromTheSideThatFellsItIsToldAndOneThatItBearsIsNot) {
   const Outcome light = pushed(5);
   EXPECT_EQ(light.exit_code, 0) << light.text;
   EXPECT_THAT(light.text, Not(HasSubstr("FELL")));
+}
+
+TEST_F(SoloWalks, AFallThatEndsAfterTheTorqueIsOffIsToldToo) {
+  // The torque is off at 5.8 s.
+  const Outcome late = Run(
+      walk_, {"--twin", Write("late.toml", std::string(kTwinHead) +
+                                               "[[push]]\nlink = \"base_link\"\nstart_s = 5.6\n"
+                                               "duration_s = 0.1\nforce_n = [0.0, 90.0, 0.0]\n")});
+  EXPECT_EQ(late.exit_code, 4) << late.text;
+  EXPECT_THAT(late.text, HasSubstr("FELL"));
 }
 
 TEST_F(SoloWalks, OnAndOnInASequence) {

@@ -41,7 +41,7 @@ function fillPanel() {
 
 function showPanel(t) {
   byId('time').textContent = `${fixed(t, 3)} s`;
-  byId('phase').textContent = settles && t > data.motion_s ? 'settling' : '';
+  byId('phase').textContent = settles && t > data.motion_s ? 'after the motion' : '';
   const {at, axes: [x, y, z]} = motion.poses(t)[0];
   at.forEach((value, k) => { cells.root[k].textContent = fixed(value, 3); });
   // The rotation is yaw, then pitch, then roll, about the axes as they are then.
@@ -60,7 +60,7 @@ const plain = (value) => String(Number(value.toPrecision(4))).replace('-', '−'
 
 function fillPlots() {
   byId('histories').hidden = data.plots.length === 0;
-  const shade = settles ? {from: data.motion_s, to: motion.last, label: 'settling'} : null;
+  const shade = settles ? {from: data.motion_s, to: motion.last, label: 'after'} : null;
   for (const plot of data.plots) {
     const {y, hidden} = rangeWithLimits(plot.series.map((s) => s.values), plot.limits);
     const digits = y[1] - y[0] > 50 ? 1 : y[1] - y[0] > 5 ? 2 : 3;
