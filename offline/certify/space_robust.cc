@@ -163,7 +163,8 @@ class RobustSearch {
       const double off =
           std::abs(judged.result.value_or(judged.target.target) - judged.target.target) /
           judged.target.tolerance;
-      sum += std::pow(std::max(0.0, off - kPart), 2);
+      const double missed = std::max(0.0, off - kPart);
+      sum += missed * missed;
     }
     return std::min(sum, kWild);
   }

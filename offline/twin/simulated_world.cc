@@ -49,13 +49,15 @@ class SimulatedWorld final : public World {
     summary.left_out = judge_.left_out();
     summary.broken_off = judge_.moving();
     summary.measured_load = robot_.bus().load();
-    // A robot that falls as the run ends lies only some time after it.
+    // A robot that falls as the run ends lies only some time after it. What limp legs pass through
+    // then says nothing of the run.
+    const std::int64_t end_ns = robot_.now_ns();
     summary.after_torque_off = LeaveAlone();
     for (const PostureEvent& event : robot_.posture().events()) {
       const double time_s = static_cast<double>(event.time_ns) / 1e9;
       if (event.kind == PostureEvent::Kind::kFall)
         summary.falls.push_back({time_s, Describe(event)});
-      if (event.kind == PostureEvent::Kind::kOverlap)
+      if (event.kind == PostureEvent::Kind::kOverlap && event.time_ns <= end_ns)
         summary.overlaps.push_back({time_s, Describe(event)});
     }
     try {
