@@ -117,7 +117,7 @@ void PrintDamping(std::FILE* people, const TaskResult& result) {
 /// Prints how many robots that differ a motion in space serves.
 void PrintRobust(std::FILE* people, const TaskResult& result) {
   if (!result.robust) return;
-  const TaskResult::Robust& robust = *result.robust;
+  const RobotsAsAsked& robust = *result.robust;
   fmt::print(
       people,
       "  of {} robots that differ, which the search has not met, {} are as asked through drives "

@@ -273,7 +273,7 @@ void MakeRobustInSpace(const SolveOptions& options, Looks& looks,
   const auto count = [&](const std::vector<double>& x) {
     return CountAsAskedInSpace(problem, x, purpose, options, fresh);
   };
-  TaskResult::Robust& figures = result.robust.emplace();
+  RobotsAsAsked& figures = result.robust.emplace();
   figures.of = fresh;
   figures.before = figures.as_asked = count(model.x);
   Rollout rollout(problem, problem.solver.step_s);

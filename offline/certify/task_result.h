@@ -18,6 +18,11 @@
 
 namespace tumbler {
 
+/// Of a robust motion in space: how many robots of how many are as asked, and were before.
+struct RobotsAsAsked {
+  int as_asked = 0, before = 0, of = 0;
+};
+
 /// The result of the work on one task.
 struct TaskResult {
   Task task;
@@ -34,11 +39,7 @@ struct TaskResult {
   std::optional<PrimitiveFile> file;
   DampedMotion damping;  ///< Of the file's motion, with the task's gains.
   ContactSteps steps;    ///< That contact allows on the file's motion, with joints on their paths.
-  /// Of a robust motion in space: how many robots of how many are as asked, and were before.
-  struct Robust {
-    int as_asked = 0, before = 0, of = 0;
-  };
-  std::optional<Robust> robust;
+  std::optional<RobotsAsAsked> robust;
   double wall_s = 0;
   double cpu_s = 0;
   double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.

@@ -137,7 +137,6 @@ struct SpaceCostEntry : CostTerm {
   Triple point_m{}, axis{}, along{};
 };
 
-constexpr std::array<std::string_view, 2> kTerms = {"terminal", "terminal-linear"};
 constexpr std::array<std::string_view, 4> kQuantities = {"position", "velocity", "angular_velocity",
                                                          "misalignment"};
 constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
