@@ -23,28 +23,21 @@ constexpr std::string_view kAfterHold = " after the hold";
 
 }  // namespace
 
-double AngleOfChord(double chord) {
-  const double sine = std::min(1.0, chord / 2);  // of half the angle
+double TiltBetween(const std::array<double, 4>& a, const std::array<double, 4>& b) {
+  const auto up_in = [](const std::array<double, 4>& turned) -> std::array<double, 3> {
+    const auto& [w, x, y, z] = turned;
+    return {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
+  };
+  const std::array<double, 3> u = up_in(a), v = up_in(b);
+  double square = 0;  // of the chord between them
+  for (std::size_t i = 0; i < 3; ++i) square += (u[i] - v[i]) * (u[i] - v[i]);
+  const double sine = std::min(1.0, std::sqrt(square) / 2);  // of half the angle
   return 2 * portable::Atan2(sine, std::sqrt(1 - sine * sine));
 }
 
 double NearestTurn(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
 
 namespace {
-
-/// What is vertical in the root's frame of a robot in space.
-std::array<double, 3> UpIn(const PrimitivePose& pose) {
-  const auto& [w, x, y, z] = pose.root_quaternion;
-  return {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
-}
-
-/// The angle between what is vertical in the root's frames of two poses in space.
-double TiltBetween(const PrimitivePose& a, const PrimitivePose& b) {
-  const std::array<double, 3> u = UpIn(a), v = UpIn(b);
-  double square = 0;
-  for (std::size_t i = 0; i < 3; ++i) square += (u[i] - v[i]) * (u[i] - v[i]);
-  return AngleOfChord(std::sqrt(square));
-}
 
 /// Compares the end of an edge's first node with the start of a node.
 void CompareJoin(const SequenceFile& file, int e, int to,
@@ -81,7 +74,8 @@ void CompareJoin(const SequenceFile& file, int e, int to,
   }
   add("", "height", "m", before.exit.root_z_m, after.entry.root_z_m, tolerances.root_z_m);
   if (before.exit.is_in_space()) {
-    add("", "tilt", "rad", TiltBetween(before.exit, after.entry), 0, tolerances.root_pitch_rad);
+    add("", "tilt", "rad", TiltBetween(before.exit.root_quaternion, after.entry.root_quaternion), 0,
+        tolerances.root_pitch_rad);
     return;
   }
   const double exit =

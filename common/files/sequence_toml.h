@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <set>
 #include <string>
@@ -77,8 +78,9 @@ struct JoinComparison {
 
 /// An angle less whole turns, within -pi ... pi.
 double NearestTurn(double angle_rad);
-/// The angle between two unit vectors whose ends are so far apart [rad].
-double AngleOfChord(double chord);
+/// The angle between what is vertical in two frames of a robot in space, which are turned by these
+/// unit quaternions w, x, y, z [rad]. Their headings do not count.
+double TiltBetween(const std::array<double, 4>& a, const std::array<double, 4>& b);
 
 /// Compares everything that has to agree at every edge, in the order of edges: position, velocity
 /// and acceleration of each joint of the robot, by the coefficients of both splines; height and

@@ -229,7 +229,7 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
 
 std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x) {
   if (problem.space) return std::nullopt;
-  if (problem.robust || (problem.space && problem.space->robust)) return std::nullopt;
+  if (problem.robust) return std::nullopt;
   StepSettings settings = AdaptiveSteps(problem);
   settings.tolerance = std::max(settings.tolerance / 100, kFinestTolerance);
   ForwardSensitivity rollout(problem, settings);

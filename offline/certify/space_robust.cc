@@ -79,16 +79,14 @@ class RobustSearch {
 
   int CountFresh(const std::vector<double>& x, int count) {
     const std::vector<PlayedRobot<Spatial>> robots = Draw(kFreshSeed, count);
-    std::vector<Judged> one(robots.size());  // by robot
+    std::vector<char> as_asked(robots.size());  // by robot
     const auto feed_forward = FeedForwardOf(x, rollouts_.front());
     ParallelFor(count, options_.threads, [&](int i, int /*thread*/) {
       if (interrupted()) return;
       const SpaceTrial trial = TryInSpace(problem_, x, feed_forward, targets_, robots[Index(i)], 0);
-      one[Index(i)].as_asked = trial.as_asked() ? 1 : 0;
+      as_asked[Index(i)] = trial.as_asked() ? 1 : 0;
     });
-    int as_asked = 0;
-    for (const Judged& judged : one) as_asked += judged.as_asked;
-    return as_asked;
+    return static_cast<int>(std::ranges::count(as_asked, 1));
   }
 
  private:

@@ -16,8 +16,7 @@ struct RobustInSpace {
   std::int64_t played = 0;  ///< Motions of robots, in all.
 };
 
-/// How many of `robots` robots do what a motion is for, which neither the search nor its choice has
-/// met.
+/// How many of `robots` robots do what a motion is for, which the search has not met.
 int CountAsAskedInSpace(const Problem& problem, const std::vector<double>& x,
                         std::span<const PurposeFigure> purpose, const SolveOptions& options,
                         int robots);

@@ -263,13 +263,12 @@ void MakeRobustInSpace(const SolveOptions& options, Looks& looks,
   const auto found = std::ranges::find_if(solutions, accept);
   if (found == solutions.end()) return;
   const Solution model = *found;
-  const RobustInSpace robust =
-      FindRobustInSpace(problem, model.x, looks.At(model).look.purpose, options);
+  const std::vector<PurposeFigure> purpose = looks.At(model).look.purpose;
+  const RobustInSpace robust = FindRobustInSpace(problem, model.x, purpose, options);
   result.outcome.evaluations += robust.played;
   result.outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
   if (result.outcome.interrupted) return;
   const int fresh = problem.space->robust->fresh;
-  const std::vector<PurposeFigure> purpose = looks.At(model).look.purpose;
   const auto count = [&](const std::vector<double>& x) {
     return CountAsAskedInSpace(problem, x, purpose, options, fresh);
   };

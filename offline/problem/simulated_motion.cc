@@ -33,13 +33,6 @@ void RequireOneRobot(const SimulatedMotion& motion) {
   const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
     const Problem &first = motion.ProblemOf(0), &other = motion.ProblemOf(i);
-    if (first.space.has_value() != other.space.has_value()) {
-      throw FileError(
-          file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
-          fmt::format("is of a robot {}, and '{}' of one {}; allowed: all of one kind",
-                      other.space ? "in space" : "in the plane", file.primitive_names.front(),
-                      first.space ? "in space" : "in the plane"));
-    }
     if (first.space ? SameJoints(first.space->scene, other.space->scene)
                     : SameJoints(first.scene, other.scene))
       continue;

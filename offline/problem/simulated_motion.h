@@ -43,8 +43,8 @@ class SimulatedMotion {
 };
 
 /// What is simulated is one robot, whatever its motions were made with.
-/// @throws FileError when primitives were made for other [motor] or [passive] than the first, or
-/// some in space and some in the plane, or as ProblemOf does.
+/// @throws FileError when primitives were made for other [motor] or [passive] than the first, or as
+/// ProblemOf does.
 void RequireOneRobot(const SimulatedMotion& motion);
 
 }  // namespace tumbler

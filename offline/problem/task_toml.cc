@@ -293,6 +293,11 @@ Task Parse(const std::string& task_text, const std::string& task_name,
     }
     task.problem = ReadSpaceTask(std::move(root), in_space, pose);
   } else {
+    if (given && given->pose->is_in_space()) {
+      root.Fail("root", fmt::format("is of a robot in the plane, and {} has a root_quaternion, as "
+                                    "motions of robots in space have: make it again",
+                                    given->from));
+    }
     task.problem = TaskReader(std::move(root), ReduceToPlane(in_space), std::move(given)).Read();
   }
   task.task_file = task_name;

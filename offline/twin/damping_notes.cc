@@ -26,7 +26,7 @@ std::string WarningOf(const std::string& loop, double period_s, const DampedMoti
 
 /// The warning about steps of a twin that contact does not bear; empty where it does.
 std::string ContactWarning(const SimulatedMotion& motion, const TwinConfig& twin, double step_s) {
-  // The midpoint rule is stable up to twice the time constant that is advised.
+  // The midpoint rule is stable up to twice what is advised, which leaves room for impacts.
   ContactSteps least;
   std::string of;
   for (std::size_t i = 0; i < motion.file().primitives.size(); ++i) {

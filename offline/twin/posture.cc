@@ -28,22 +28,6 @@ std::string Describe(const PostureEvent& event) {
   return fmt::format("rests {}; {}", event.pose.empty() ? "in no known pose" : event.pose, where);
 }
 
-namespace {
-
-/// What is vertical in a frame that is turned by this quaternion.
-std::array<double, 3> UpIn(const Quaternion& turned) {
-  const SpaceVector up = ToRotation(turned).row(2);
-  return {up.x(), up.y(), up.z()};
-}
-
-double AngleBetween(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  double square = 0;  // of the chord
-  for (std::size_t i = 0; i < 3; ++i) square += (a[i] - b[i]) * (a[i] - b[i]);
-  return AngleOfChord(std::sqrt(square));
-}
-
-}  // namespace
-
 PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& config,
                            const PrimitivePose& start, Slides slides)
     : config_(config), slides_(std::move(slides)) {
@@ -55,8 +39,7 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
                     std::max(tolerance, config.pitch_tolerance_rad),
                     {},
                     pose.passive_positions_rad,
-                    {}};
-    if (pose.is_in_space()) known.up = UpIn(pose.root_quaternion);
+                    pose.root_quaternion};
     for (std::size_t j = 0; j < pose.joint_positions_rad.size(); ++j) {
       const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
       known.joints_rad.push_back(pose.joint_positions_rad[role]);
@@ -70,14 +53,9 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
   for (int node = 0; node < motion.graph.node_count; ++node) {
     add(node, "before", motion.PrimitiveOf(node).entry, 0);
   }
-  poses_.push_back({"as it was started",
-                    start.root_z_m,
-                    start.root_pitch_rad,
-                    config.pitch_tolerance_rad,
-                    start.joint_positions_rad,
-                    start.passive_positions_rad,
-                    {}});
-  if (start.is_in_space()) poses_.back().up = UpIn(start.root_quaternion);
+  poses_.push_back({"as it was started", start.root_z_m, start.root_pitch_rad,
+                    config.pitch_tolerance_rad, start.joint_positions_rad,
+                    start.passive_positions_rad, start.root_quaternion});
 }
 
 bool PostureWatch::Slow(const TwinState& state) const {
@@ -95,7 +73,7 @@ const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state, bo
     // The height allows for the pitch: the root turns about a foot, some 0.3 m away.
     const double z_tolerance = config_.z_tolerance_m + 0.3 * pose.pitch_tolerance_rad;
     const double turned = state.is_in_space()
-                              ? AngleBetween(UpIn(state.root_quaternion), pose.up)
+                              ? TiltBetween(state.root_quaternion, pose.quaternion)
                               : std::abs(NearestTurn(state.root_pitch_rad - pose.pitch_rad));
     if (turned > pose.pitch_tolerance_rad || std::abs(state.root_z_m - pose.z_m) > z_tolerance)
       return false;
@@ -127,7 +105,7 @@ PostureEvent PostureWatch::EventAt(const TwinState& state, PostureEvent::Kind ki
   if (!event.in_space) return event;
   const SpaceMatrix R = ToRotation(state.root_quaternion);
   event.root_y_m = state.root_y_m;
-  event.tilt_rad = AngleBetween({R(2, 0), R(2, 1), R(2, 2)}, {0, 0, 1});
+  event.tilt_rad = TiltBetween(state.root_quaternion, {1, 0, 0, 0});
   event.heading_rad = portable::Atan2(R(1, 0), R(0, 0));
   return event;
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -107,7 +106,7 @@ class PostureWatch {
     double z_m, pitch_rad, pitch_tolerance_rad;
     std::vector<double> joints_rad;
     std::vector<double> passive_rad;  // empty: of a pose that does not say
-    std::array<double, 3> up{};       // in space: the vertical in the root's frame
+    Quaternion quaternion{};          // in space: how the root's frame is turned
   };
   [[nodiscard]] bool Slow(const TwinState& state) const;
   /// @param passive  whether joints without a motor count.

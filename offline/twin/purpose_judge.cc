@@ -12,10 +12,11 @@
 
 namespace tumbler {
 
-PurposeJudge::PurposeJudge(const SequenceFile& file, const PlanarRobot& robot)
+template <class Robot>
+PurposeJudge::PurposeJudge(const SequenceFile& file, const Robot& robot, bool hinged)
     : file_(file),
       free_root_(robot.root_dofs > 0),
-      hinged_(robot.hinged()),
+      hinged_(hinged),
       root_dofs_(Index(robot.root_dofs)),
       q_(robot.tree.dofs.size()),
       qd_(robot.tree.dofs.size()) {
@@ -29,19 +30,10 @@ PurposeJudge::PurposeJudge(const SequenceFile& file, const PlanarRobot& robot)
       file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
 }
 
+PurposeJudge::PurposeJudge(const SequenceFile& file, const PlanarRobot& robot)
+    : PurposeJudge(file, robot, robot.hinged()) {}
 PurposeJudge::PurposeJudge(const SequenceFile& file, const SpaceRobot& robot)
-    : file_(file),
-      free_root_(true),
-      hinged_(false),
-      root_dofs_(Index(robot.root_dofs)),
-      q_(robot.tree.dofs.size()),
-      qd_(robot.tree.dofs.size()) {
-  for (std::size_t j = 0; j < robot.joint_count(); ++j) joint_dofs_.push_back(robot.DofOfJoint(j));
-  for (const PrimitiveFile& primitive : file.primitives) {
-    std::vector<PurposeGauge>& gauges = gauges_.emplace_back();
-    for (const PurposeFigure& figure : primitive.purpose) gauges.emplace_back(figure, robot);
-  }
-}
+    : PurposeJudge(file, robot, false) {}
 
 void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth) {
   Watch(time_ns, truth);
@@ -197,9 +189,7 @@ void PurposeJudge::TakeRootInSpace(const PrimitivePose& entry, const TwinState& 
 
 double PurposeJudge::AngleOf(const TwinState& truth, int node) const {
   if (!truth.is_in_space()) return truth.root_pitch_rad;
-  const SpaceVector up = ToRotation(truth.root_quaternion).row(2);
-  const SpaceVector exit = ToRotation(file_.PrimitiveOf(node).exit.root_quaternion).row(2);
-  return AngleOfChord((up - exit).norm());
+  return TiltBetween(truth.root_quaternion, file_.PrimitiveOf(node).exit.root_quaternion);
 }
 
 /// What a target of a node's purpose asks for, in the coordinates of its task: there the motion

@@ -52,6 +52,8 @@ class PurposeJudge {
   }
 
  private:
+  template <class Robot>
+  PurposeJudge(const SequenceFile& file, const Robot& robot, bool hinged);
   void Watch(std::int64_t time_ns, const TwinState& truth);
   void LeaveOutOne();
   /// Sets q_, qd_ and axes_.

@@ -218,7 +218,12 @@ TEST(MotionInSpace, IsThatAtBothOfItsEnds) {
   PrimitiveFile file = *TheResult().file;
   file.exit.root_quaternion = {};
   file.exit.root_y_m = 0;
-  EXPECT_THROW(ParsePrimitive(ToToml(file), "shift.toml"), std::exception);
+  try {
+    ParsePrimitive(ToToml(file), "shift.toml");
+    ADD_FAILURE() << "accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("exit.root_quaternion: is missing, unlike the entry's"));
+  }
 }
 
 /// The same on ground of which little is known, and searched for briefly.
@@ -249,7 +254,6 @@ TEST(MotionInSpace, MadeRobustServesNoFewerRobotsThanBeforeWhateverTheThreads) {
   EXPECT_EQ(one.robust->of, 10);
   EXPECT_GE(one.robust->as_asked, one.robust->before);
   EXPECT_GT(one.robust->as_asked, 0);
-  EXPECT_FALSE(one.file->certificate.kkt_residual) << "it is no minimum for the model";
   EXPECT_EQ(ToToml(*find(2).file), ToToml(*one.file));
   // What is said of the robots is what they do when they are played.
   SolveOptions options;

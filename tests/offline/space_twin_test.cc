@@ -382,6 +382,17 @@ TEST_F(SoloWalks, StepsThatContactDoesNotBearAreWarnedOf) {
   EXPECT_THAT(Run(walk_, {}).text, Not(HasSubstr("warning: step_s")));
 }
 
+TEST_F(SoloWalks, ATaskInThePlaneHasNoQuaternion) {
+  PrimitiveFile handstand = LoadPrimitive(SourcePath("primitives/handstand.toml"));
+  handstand.entry.root_quaternion = {1, 0, 0, 0};
+  try {
+    static_cast<void>(TaskOf(handstand, TaskSpaces::kPlaneAndSpace));
+    ADD_FAILURE() << "accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("the entry of 'handstand' has a root_quaternion"));
+  }
+}
+
 TEST_F(SoloWalks, TwinFilesSayWhatIsNotInSpaceYet) {
   const SimulatedMotion motion(LoadMotion(walk_), TaskSpaces::kPlaneAndSpace);
   const auto refusal = [&motion](const std::string& text) -> std::string {
