@@ -12,6 +12,7 @@
 #include "offline/scene/variation.h"
 #include "offline/solve/cma_es.h"
 #include "offline/solve/constraints.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/rollout.h"
 
 namespace tumbler {
@@ -42,6 +43,7 @@ class RobustSearch {
         robust_(*problem.space->robust),
         options_(options),
         targets_(DueTargetsInSpace(problem, purpose)),
+        paths_(problem),
         rows_(DerivativeLimitRows(problem)) {
     for (int t = 0; t < std::max(1, options.threads); ++t)
       rollouts_.emplace_back(problem, problem.solver.screen_step_s);
@@ -50,12 +52,14 @@ class RobustSearch {
   RobustInSpace Run(const std::vector<double>& found) {
     RobustInSpace result;
     std::vector<std::vector<double>> kept = {found};
-    CmaEs cma(found, robust_.sigma_rad, robust_.candidates, problem_.search.seed);
+    CmaEs cma(paths_.Reduce(found), robust_.sigma_rad, robust_.candidates, problem_.search.seed);
     int good = 0;
     for (int g = 0; g < robust_.generations && !interrupted() && good < kGoodGenerations; ++g) {
       const std::vector<PlayedRobot<Spatial>> robots =
           Draw(kRobotSeed + static_cast<std::uint64_t>(g), robust_.robots);
-      std::vector<std::vector<double>> candidates = cma.Ask();
+      const std::vector<std::vector<double>> free = cma.Ask();
+      std::vector<std::vector<double>> candidates;
+      for (const std::vector<double>& y : free) candidates.push_back(paths_.Expand(y));
       std::vector<double> losses(candidates.size());
       ParallelFor(static_cast<int>(candidates.size()), options_.threads, [&](int i, int thread) {
         if (interrupted()) return;
@@ -67,11 +71,11 @@ class RobustSearch {
       const auto best = std::ranges::min_element(losses);
       good = *best == 0 ? good + 1 : 0;
       // The mean is less of a lucky draw than the best of the candidates.
-      if (g % 5 == 4) kept.push_back(Inside(cma.mean()));
+      if (g % 5 == 4) kept.push_back(Inside(paths_.Expand(cma.mean())));
       kept.push_back(Inside(candidates[static_cast<std::size_t>(best - losses.begin())]));
       Tell(*best);
     }
-    kept.push_back(Inside(cma.mean()));
+    kept.push_back(Inside(paths_.Expand(cma.mean())));
     Choose(std::move(kept), result);
     result.played = played_;
     return result;
@@ -231,6 +235,7 @@ class RobustSearch {
   const SpaceRobustSettings& robust_;
   const SolveOptions& options_;
   std::vector<DueInSpace> targets_;
+  FreePaths paths_;
   std::vector<LinearRow> rows_;
   std::vector<Rollout> rollouts_;  // by thread
   std::int64_t played_ = 0;

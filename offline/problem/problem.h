@@ -40,6 +40,12 @@ struct ActuatedJoint {
   [[nodiscard]] int free_points() const { return control_points - 6; }
 };
 
+/// A joint whose path is that of another one, or its opposite.
+struct TiedJoint {
+  std::size_t joint = 0, to = 0;  ///< Of the problem's joints.
+  double factor = 1;              ///< 1, or -1: it moves the other way round.
+};
+
 /// Settings of the global search. It draws random splines in batches, ranks them by their cost, and
 /// stops when enough of them stand out from the rest or enough have been tried.
 struct SearchSettings {
@@ -148,6 +154,8 @@ struct Problem {
   Scene scene;
   /// In the order of the robot's degrees of freedom.
   std::vector<ActuatedJoint> joints;
+  /// Those whose paths follow others. A robot in space alone has such.
+  std::vector<TiedJoint> tied;
   /// The longest integration step that contact and the springs of passive joints allow
   /// (`AdvisableStep`, `SpringStep`). Infinite without either.
   double advisable_step_s = std::numeric_limits<double>::infinity();

@@ -21,6 +21,7 @@
 #include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_parts.h"
+#include "offline/problem/tied_toml.h"
 #include "offline/scene/quaternion.h"
 #include "offline/scene/scene_dynamics.h"
 
@@ -303,6 +304,7 @@ class Reader {
     ReadMotors(root_, problem_);
     ReadSpline(root_, problem_);
     ReadEndVelocities(root_, problem_);
+    ReadTied(root_, problem_);
     const double mass_kg = scene_.robot.mass_kg();
     const double gravity = scene_.robot.tree.gravity.norm();
     if (std::optional<TomlTable> table = root_.OptionalTable("contact"))
@@ -438,6 +440,7 @@ std::vector<KeyTable> KeyTables() {
   return {{source, "start", RowsOf(kStartKeys)},
           {source, "cost", Joined({RowsOf(kTermKeys), RowsOf(kQuantityKeys)})},
           {source, "obstacle", obstacles},
+          TiedKeyTable(),
           SpaceRobustKeyTable()};
 }
 

@@ -298,6 +298,9 @@ Task Parse(const std::string& task_text, const std::string& task_name,
                                     "motions of robots in space have: make it again",
                                     given->from));
     }
+    if (root.Has("tied")) {
+      root.Fail("tied", "is for robots in space so far; leave it out, or make root = \"floating\"");
+    }
     task.problem = TaskReader(std::move(root), ReduceToPlane(in_space), std::move(given)).Read();
   }
   task.task_file = task_name;

@@ -9,6 +9,7 @@
 #include "common/files/spline_extent.h"
 #include "offline/model/least_squares.h"
 #include "offline/scene/self_clearance.h"
+#include "offline/solve/free_paths.h"
 
 namespace tumbler {
 namespace {
@@ -79,6 +80,13 @@ std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearR
   consider(result.clearance_excess, "clearance of own shapes", outputs.rows() - 1,
            1e-3 / kClearanceScale_m);
   return active;
+}
+
+/// A gradient by what is free of the paths.
+Eigen::VectorXd ByWhatIsFree(const FreePaths& paths, const Eigen::VectorXd& by_x) {
+  const std::vector<double> by_y =
+      paths.ReduceSlopes(std::span(by_x.data(), static_cast<std::size_t>(by_x.size())));
+  return Eigen::Map<const Eigen::VectorXd>(by_y.data(), static_cast<Eigen::Index>(by_y.size()));
 }
 
 /// What is left of the gradient with least-squares multipliers. Constraints with negative ones are
@@ -238,7 +246,15 @@ KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>
                             std::span<const double> x, const RolloutResult& result,
                             const OutputGradients& outputs, const GaussNewton* model) {
   std::vector<Active> active = FindActive(problem, rows, x, result, outputs);
-  const Eigen::VectorXd left = Residual(outputs.row(0).transpose(), active);
+  const FreePaths paths(problem);
+  for (auto a = active.begin(); a != active.end();) {
+    a->gradient = ByWhatIsFree(paths, a->gradient);
+    const bool known = std::any_of(active.begin(), a, [&](const Active& other) {
+      return !problem.tied.empty() && other.gradient == a->gradient;
+    });
+    a = known ? active.erase(a) : a + 1;
+  }
+  const Eigen::VectorXd left = Residual(ByWhatIsFree(paths, outputs.row(0).transpose()), active);
   KktResidual residual;
   if (left.size() > 0) residual.absolute = left.lpNorm<Eigen::Infinity>();
   if (model != nullptr) residual.relative = RelativeSize(left, active, *model);

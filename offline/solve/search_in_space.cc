@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
 #include "offline/solve/cma_es.h"
 #include "offline/solve/constraints.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/random_starts.h"
 #include "offline/solve/ranked_motion.h"
 
@@ -16,22 +18,109 @@ namespace tumbler {
 namespace in_space {
 namespace {
 
+/// The chord between two directions at a right angle, and a little more.
+constexpr double kBeyondRightAngle = 1.5;
+
+/// The cost of what cannot be simulated; more would be added to it.
+constexpr double kWorst = std::numeric_limits<double>::max() / 4;
+
+/// Attempts that lower the rank by less end.
+constexpr double kGain = 0.01;
+
+/// Penalties below this are those of no limit.
+constexpr double kNoPenalty = 1e-9;
+
+/// Whether a term asks for an axis that starts more than a right angle from where it is to point.
+bool BeginsBehind(const CostTerm& term, const Problem& problem) {
+  const bool of_axis =
+      term.quantity.present() && term.quantity.of == SpaceQuantity::Of::kMisalignment;
+  if (!of_axis || !term.draws() || term.when == CostTerm::When::kTime) return false;
+  const std::vector<double> at_rest(problem.start_q.size());
+  return term.quantity.Value(problem.start_q, at_rest, problem.space->start_orientation) >
+         kBeyondRightAngle;
+}
+
+/// Coarse simulations by which candidates are ranked, one for each thread: of a problem whose axes
+/// that start far from where they are to point are asked for at instants of the motion, too
+/// (SpaceSearch::waypoints).
+class Ranking {
+ public:
+  Ranking(const Problem& problem, int waypoints, int threads) : problem_(problem) {
+    const std::size_t own_terms = problem.cost.size();
+    for (std::size_t i = 0; i < own_terms; ++i) {
+      if (!BeginsBehind(problem.cost[i], problem)) continue;
+      for (int k = 1; k <= waypoints; ++k) {
+        CostTerm& waypoint = problem_.cost.emplace_back(problem.cost[i]);
+        waypoint.when = CostTerm::When::kTime;
+        waypoint.time_s = problem.duration_s * k / (waypoints + 1.0);
+      }
+    }
+    for (const CostInstant& instant : problem_.instants()) {
+      for (std::size_t i = 0; i < problem_.cost.size(); ++i) {
+        const CostTerm& term = problem_.cost[i];
+        if (!term.draws() || !instant.Has(term)) continue;
+        const double within = std::sqrt(term.weight) * term.tolerance;
+        within_.push_back(i >= own_terms ? std::nullopt : std::optional(within));
+      }
+    }
+    for (int t = 0; t < std::max(1, threads); ++t)
+      coarse_.emplace_back(problem_, problem_.search.step_s);
+  }
+
+  [[nodiscard]] bool has_waypoints() const {
+    return std::ranges::any_of(within_, [](const auto& within) { return !within; });
+  }
+
+  /// What a candidate costs.
+  struct Costs {
+    double own = 0;         ///< Of the problem.
+    double missed = 0;      ///< Of that, by what it misses its targets.
+    double waypoints = 0;   ///< What the waypoints add.
+    double penalty = 0;     ///< For limits that it exceeds.
+    bool on_target = true;  ///< Whether it meets the problem's targets.
+  };
+  /// @param x  parameters within their bounds.
+  Costs Of(const std::vector<double>& x, int thread) {
+    const RolloutResult result = coarse_[Index(thread)].Estimate(x);
+    RankedMotion ranked;
+    ranked.SetRank(problem_, result);
+    if (!std::isfinite(ranked.rank)) return {kWorst};
+    Costs costs;
+    costs.penalty = ranked.rank - result.cost;
+    for (std::size_t i = 0; i < result.residuals.size(); ++i) {
+      const double residual = result.residuals[i];
+      (within_[i] ? costs.missed : costs.waypoints) += residual * residual;
+      if (within_[i] && !(std::abs(residual) <= *within_[i])) costs.on_target = false;
+    }
+    costs.own = result.cost - costs.waypoints;
+    return costs;
+  }
+
+ private:
+  Problem problem_;
+  std::vector<std::optional<double>> within_;  // by residual, on target; none: of a waypoint
+  std::vector<Rollout> coarse_;                // by thread
+};
+
 class Campaign {
  public:
   Campaign(const Problem& problem, const SolveOptions& options, const SpaceSearch& search)
       : problem_(problem),
         options_(options),
         search_(search),
-        rows_(DerivativeLimitRows(problem)),
-        starts_(problem) {
-    for (int t = 0; t < std::max(1, options.threads); ++t)
-      coarse_.emplace_back(problem, problem.search.step_s);
-  }
+        paths_(problem),
+        rows_(paths_.Reduce(DerivativeLimitRows(problem))),
+        starts_(problem),
+        ranking_(problem, search.waypoints, options.threads) {}
 
   SolveOutcome Run() {
     for (int attempt = 0; attempt < search_.attempts && !interrupted(); ++attempt) {
-      const std::vector<double> found = Search(attempt);
+      std::vector<double> found = StartOf(attempt);
+      const bool arrived = Search(found, attempt);
       if (interrupted()) break;
+      // Something has to be said of what was found at last.
+      if (!arrived && attempt + 1 < search_.attempts) continue;
+      found = paths_.Expand(found);
       if (Solve(found, attempt)) break;
     }
     return Collect();
@@ -47,62 +136,88 @@ class Campaign {
     return options_.interrupt != nullptr && *options_.interrupt;
   }
 
-  /// The rank of a motion: its cost, and penalties for limits that it exceeds.
-  double RankOf(const std::vector<double>& x, Rollout& rollout) const {
-    std::vector<double> inside = x;
-    double penalty = 0;
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Interval<double> bounds = problem_.bounds_of_parameter(static_cast<int>(i));
-      inside[i] = std::clamp(x[i], bounds.min, bounds.max);
-      penalty += (x[i] - inside[i]) * (x[i] - inside[i]);
-    }
+  /// What a candidate costs.
+  /// @param y  what is free of its paths.
+  Ranking::Costs CostsOf(const std::vector<double>& y, int thread) {
+    const std::vector<double> inside = Inside(y);
+    Ranking::Costs costs = ranking_.Of(paths_.Expand(inside), thread);
+    for (std::size_t i = 0; i < y.size(); ++i)
+      costs.penalty += (y[i] - inside[i]) * (y[i] - inside[i]);
     for (const LinearRow& row : rows_) {
       const double above = std::max(0.0, row.Excess(inside));
-      penalty += search_.limit_penalty * above * above;
+      costs.penalty += search_.limit_penalty * above * above;
     }
-    RankedMotion ranked;
-    ranked.SetRank(problem_, rollout.Estimate(inside));
-    const double rank = ranked.rank + penalty;
-    return std::isfinite(rank) ? rank : std::numeric_limits<double>::max();
+    return costs;
   }
 
-  /// The best motion that CMA-ES finds from a start of its own.
-  std::vector<double> Search(int attempt) {
-    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(attempt);
-    // The first attempt begins with the straight line from start to end.
+  /// @param led  whether waypoints count.
+  [[nodiscard]] double RankOf(const Ranking::Costs& costs, bool led) const {
+    if (led || !ranking_.has_waypoints()) return costs.own + costs.waypoints + costs.penalty;
+    // The targets weigh as much as they did together with their waypoints, so that motions which
+    // came through these still rank far before the others.
+    return costs.own + search_.waypoints * costs.missed + costs.penalty;
+  }
+
+  [[nodiscard]] std::vector<double> Inside(std::vector<double> y) const {
+    for (std::size_t i = 0; i < y.size(); ++i)
+      y[i] = std::clamp(y[i], paths_.bounds(i).min, paths_.bounds(i).max);
+    return y;
+  }
+
+  /// Where an attempt begins: the first one with the straight line from start to end, and each one
+  /// where waypoints lead on from there.
+  [[nodiscard]] std::vector<double> StartOf(int attempt) const {
+    if (attempt > 0 && !ranking_.has_waypoints())
+      return paths_.Reduce(starts_.Draw(static_cast<std::uint64_t>(attempt)));
     Problem calm = problem_;
-    if (attempt == 0) calm.search.spread_rad = 0;
-    const std::vector<double> start = attempt == 0
-                                          ? RandomStarts(calm).Draw(0)
-                                          : starts_.Draw(static_cast<std::uint64_t>(attempt));
-    CmaEs cma(start, search_.sigma_rad, search_.population, seed);
-    std::vector<double> best = start;
-    double least = RankOf(start, coarse_.front());
-    double before = least;
+    calm.search.spread_rad = 0;
+    return paths_.Reduce(RandomStarts(calm).Draw(0));
+  }
+
+  /// Moves a motion to the best that CMA-ES finds from there.
+  /// @returns whether it may be solved on: not where it has never left its waypoints.
+  bool Search(std::vector<double>& motion, int attempt) {
+    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(attempt);
+    CmaEs cma(motion, search_.sigma_rad, search_.population, seed);
+    bool led = ranking_.has_waypoints();
+    Ranking::Costs best = CostsOf(motion, 0);
+    const double enough = search_.near * best.missed;
+    double before = RankOf(best, led);
+    int generations = 0;  // since then
     for (int g = 0; g < search_.generations && !interrupted(); ++g) {
       const std::vector<std::vector<double>> candidates = cma.Ask();
-      std::vector<double> ranks(candidates.size());
+      std::vector<Ranking::Costs> costs(candidates.size());
       ParallelFor(static_cast<int>(candidates.size()), options_.threads, [&](int i, int thread) {
-        ranks[Index(i)] = RankOf(candidates[Index(i)], coarse_[Index(thread)]);
+        costs[Index(i)] = CostsOf(candidates[Index(i)], thread);
       });
+      const auto near = std::ranges::count_if(
+          costs, [enough](const Ranking::Costs& of) { return of.missed < enough; });
+      // One that comes near may be alone among many that fall back.
+      if (led && static_cast<double>(near) >= search_.most * static_cast<double>(costs.size())) {
+        led = false;
+        best = {kWorst};
+        before = RankOf(best, led);
+        generations = 0;
+      }
+      std::vector<double> ranks;
+      for (const Ranking::Costs& of : costs) ranks.push_back(RankOf(of, led));
       cma.Tell(ranks);
       searched_ += static_cast<std::int64_t>(ranks.size());
       const auto lowest = std::ranges::min_element(ranks);
-      if (*lowest < least) {
-        least = *lowest;
-        best = candidates[static_cast<std::size_t>(lowest - ranks.begin())];
+      if (*lowest < RankOf(best, led)) {
+        best = costs[static_cast<std::size_t>(lowest - ranks.begin())];
+        motion = candidates[static_cast<std::size_t>(lowest - ranks.begin())];
       }
-      Tell({true, attempt, searched_, least, 0});
-      if (g % search_.patience == search_.patience - 1) {
-        if (!(least < 0.99 * before)) break;
-        before = least;
-      }
+      Tell({true, attempt, searched_, RankOf(best, led), 0});
+      // What is as asked is solved on faster than it is searched on.
+      const bool good = best.on_target && best.penalty < kNoPenalty;
+      if (++generations < (good ? search_.patience / 2 : search_.patience)) continue;
+      if (!(RankOf(best, led) < (1 - (good ? search_.worth : kGain)) * before)) break;
+      before = RankOf(best, led);
+      generations = 0;
     }
-    for (std::size_t i = 0; i < best.size(); ++i) {
-      const Interval<double> bounds = problem_.bounds_of_parameter(static_cast<int>(i));
-      best[i] = std::clamp(best[i], bounds.min, bounds.max);
-    }
-    return best;
+    motion = Inside(motion);
+    return !led;
   }
 
   /// Solves a motion on with the solver's steps. @returns whether it is as asked.
@@ -118,8 +233,11 @@ class Campaign {
     if (!prove) problem.solver.relative_tolerance = search_.enough;
     std::vector<Evaluation> history;
     Rollout screen(problem, problem.solver.screen_step_s);
-    Solution solution =
-        SolveFrom(problem, from, search_.screen_evaluations, screen, local, &history);
+    // A motion that had to be led to its targets is one among cliffs.
+    const double box_rad =
+        ranking_.has_waypoints() ? search_.box_rad : std::numeric_limits<double>::infinity();
+    Solution solution = SolveFrom(problem, from, search_.screen_evaluations, screen, local,
+                                  &history, Digits::kAll, box_rad);
     const int before = solution.evaluations;
     if (!interrupted() && solution.rollout.finite) {
       Rollout fine(problem, problem.solver.step_s);
@@ -127,7 +245,7 @@ class Campaign {
       const int left = std::max(1, problem.solver.max_evaluations - before);
       solution =
           SolveFrom(problem, solution.x, prove ? left : std::min(left, search_.finish_evaluations),
-                    fine, local, &history);
+                    fine, local, &history, Digits::kAll, box_rad);
       const bool unproved = solution.end == SolveEnd::kEvaluations ||
                             solution.end == SolveEnd::kStalled ||
                             solution.kkt.relative.value_or(1) > problem.solver.kkt_residual;
@@ -169,9 +287,10 @@ class Campaign {
   const Problem& problem_;
   const SolveOptions& options_;
   SpaceSearch search_;
-  std::vector<LinearRow> rows_;
+  FreePaths paths_;
+  std::vector<LinearRow> rows_;  // by what is free of the paths
   RandomStarts starts_;
-  std::vector<Rollout> coarse_;  // by thread
+  Ranking ranking_;
   std::int64_t searched_ = 0;
   std::vector<Solution> solutions_;
   std::vector<Evaluation> history_;

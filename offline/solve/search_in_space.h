@@ -12,8 +12,23 @@ struct SpaceSearch {
   int generations = 250;
   /// An attempt ends when so many generations together have not lowered the rank by a hundredth.
   int patience = 40;
+  /// Once its best motion is on target and within limits, it ends when half as many have not
+  /// lowered the rank by this part.
+  double worth = 0.2;
   /// Initial standard deviation of every control point [rad].
   double sigma_rad = 0.35;
+  /// An axis that starts more than a right angle from where it is to point is asked for at so many
+  /// instants of the motion, too, until candidates come near: the square of the misalignment is
+  /// flat where the axis points the other way, and a robot on its back gains nothing by small
+  /// motions, unless one that tilts it for a while ranks better than one that does not.
+  int waypoints = 5;
+  /// A motion has come near its targets when what it misses them by costs less than this part of
+  /// what the first motion does.
+  double near = 0.1;
+  /// The waypoints are left away when so large a part of a generation has come near.
+  double most = 0.5;
+  /// How far SLSQP goes at once from a motion that waypoints led to [rad] (SolveFrom).
+  double box_rad = 0.05;
   /// Attempts, each from a start of its own, until a motion is as asked.
   int attempts = 8;
   /// Most evaluations of cost and gradient with SolverSettings::screen_step_s, and then with the

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "offline/solve/constraints.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/output_gradients.h"
 #include "offline/solve/solver.h"
 
@@ -20,6 +21,9 @@ constexpr double kStationary = 1e-3;
 /// Violations below this do not compete with the cost.
 constexpr double kLeastViolation = 1e-7;
 
+/// A box that gains nothing is not made smaller than a quarter of this.
+constexpr double kSmallestBox_rad = 2e-3;
+
 /// A value without what is below 2^-20 of a scale.
 double RoundedTo(double value, double scale) {
   constexpr int kDigits = 20;
@@ -32,19 +36,22 @@ double RoundedTo(double value, double scale) {
 class LocalSolve {
  public:
   LocalSolve(const Problem& problem, int max_evaluations, Rollout& rollout,
-             const SolveOptions& options, std::vector<Evaluation>* history, Digits digits)
+             const SolveOptions& options, std::vector<Evaluation>* history, Digits digits,
+             double box_rad)
       : digits_(digits),
+        box_rad_(box_rad),
         problem_(problem),
         max_evaluations_(max_evaluations),
         rollout_(rollout),
         options_(options),
         history_(history),
         rows_(DerivativeLimitRows(problem)),
+        paths_(problem),
+        own_rows_(paths_.Reduce(rows_)),
         outputs_(OutputGradients::Zero(rollout.output_count(), rollout.parameter_count())) {}
 
   Solution Run(std::span<const double> start) {
-    const std::size_t n = start.size();
-    std::vector<double> x(start.begin(), start.end());
+    const std::vector<double> x = paths_.Expand(paths_.Reduce(start));
     Solution best;
     best.x = x;
     Evaluate(x, true);
@@ -58,6 +65,7 @@ class LocalSolve {
     const double first_gradient = outputs_.row(0).lpNorm<Eigen::Infinity>();
     scale_ = 0.5 / std::max(first_gradient, 1e-3);
     best_violation_ = std::numeric_limits<double>::infinity();
+    if (std::isfinite(box_rad_)) most_cost_ = 3 * std::abs(result_.cost);
     Remember();
     SolveEnd end = SolveEnd::kFailed;
     // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point,
@@ -67,10 +75,12 @@ class LocalSolve {
       best_cost_ = result_.cost;
       best_violation_ = std::max(LargestViolation(problem_, rows_, x_, result_), kLeastViolation);
       const double before = best_cost_ * scale_ + best_violation_;
-      end = RunOnce(best_x_, n);
+      end = RunOnce(paths_.Reduce(best_x_));
       if (end == SolveEnd::kInterrupted || end == SolveEnd::kEvaluations) break;
       const double merit = best_cost_ * scale_ + best_violation_;
-      if (!(merit < before - 1e-3 * std::abs(before))) break;
+      if (merit < before - 1e-3 * std::abs(before)) continue;
+      if (!std::isfinite(box_rad_) || box_rad_ < kSmallestBox_rad) break;
+      box_rad_ /= 4;
     }
     best.x = best_x_;
     Evaluate(best.x, true);
@@ -91,21 +101,23 @@ class LocalSolve {
   }
 
  private:
-  SolveEnd RunOnce(std::vector<double> x, std::size_t n) {
+  SolveEnd RunOnce(std::vector<double> y) {
+    const std::size_t n = y.size();
     nlopt::opt opt(nlopt::LD_SLSQP, static_cast<unsigned>(n));
     std::vector<double> lower, upper;
-    for (int i = 0; i < static_cast<int>(n); ++i) {
-      const Interval<double> bounds = problem_.bounds_of_parameter(i);
-      lower.push_back(bounds.min);
-      upper.push_back(bounds.max);
+    for (std::size_t i = 0; i < n; ++i) {
+      const Interval<double> bounds = paths_.bounds(i);
+      const double at = std::clamp(y[i], bounds.min, bounds.max);
+      lower.push_back(std::max(bounds.min, at - box_rad_));
+      upper.push_back(std::min(bounds.max, at + box_rad_));
     }
     opt.set_lower_bounds(lower);
     opt.set_upper_bounds(upper);
     // NLopt refuses a start that is outside of its bounds by a rounding, which sums come to be.
-    for (std::size_t i = 0; i < n; ++i) x[i] = std::clamp(x[i], lower[i], upper[i]);
+    for (std::size_t i = 0; i < n; ++i) y[i] = std::clamp(y[i], lower[i], upper[i]);
     opt.set_min_objective(&Objective, this);
     const bool own = !problem_.self_contact().pairs.empty();
-    const std::size_t constraints = rows_.size() + problem_.joints.size() + (own ? 2 : 1);
+    const std::size_t constraints = own_rows_.size() + problem_.joints.size() + (own ? 2 : 1);
     opt.add_inequality_mconstraint(&Constraints, this, std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);
     opt.set_xtol_rel(1e-9);
@@ -114,7 +126,7 @@ class LocalSolve {
     SolveEnd end = SolveEnd::kFailed;
     double value = 0;
     try {
-      switch (opt.optimize(x, value)) {
+      switch (opt.optimize(y, value)) {
         case nlopt::MAXEVAL_REACHED:
           end = SolveEnd::kEvaluations;
           break;
@@ -147,6 +159,7 @@ class LocalSolve {
     has_gradient_ = with_gradient || first_of_line;
     result_ = has_gradient_ ? rollout_.Run(x_, outputs_) : rollout_.Run(x_);
     if (digits_ == Digits::kThatRoundingSpares) RoundOutputs();
+    if (has_gradient_) slopes_ = paths_.ReduceSlopes(outputs_);
     if (known) return;
     ++evaluations_;
     const double violation = LargestViolation(problem_, rows_, x_, result_);
@@ -172,7 +185,7 @@ class LocalSolve {
 
   /// Keeps the best point seen: less violation first, and among feasible points the lower cost.
   void Remember() {
-    if (!result_.finite) return;
+    if (!result_.finite || result_.cost > most_cost_) return;
     const double violation =
         std::max(LargestViolation(problem_, rows_, x_, result_), kLeastViolation);
     const bool better =
@@ -183,13 +196,13 @@ class LocalSolve {
     best_cost_ = result_.cost;
   }
 
-  static double Objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
+  static double Objective(const std::vector<double>& y, std::vector<double>& gradient, void* data) {
     auto& self = *static_cast<LocalSolve*>(data);
     try {
-      self.Evaluate(x, !gradient.empty());
+      self.Evaluate(self.paths_.Expand(y), !gradient.empty());
       if (!self.result_.finite) return std::numeric_limits<double>::infinity();
       for (std::size_t i = 0; i < gradient.size(); ++i) {
-        gradient[i] = self.scale_ * self.outputs_(0, static_cast<Eigen::Index>(i));
+        gradient[i] = self.scale_ * self.slopes_(0, static_cast<Eigen::Index>(i));
       }
       return self.scale_ * self.result_.cost;
     } catch (...) {  // NLopt would lose the exception. It is kept and thrown after the run.
@@ -199,42 +212,46 @@ class LocalSolve {
     }
   }
 
-  static void Constraints(unsigned m, double* value, unsigned n, const double* x, double* gradient,
+  static void Constraints(unsigned m, double* value, unsigned n, const double* y, double* gradient,
                           void* data) {
     auto& self = *static_cast<LocalSolve*>(data);
     try {
-      self.Evaluate({x, n}, gradient != nullptr);
+      self.Evaluate(self.paths_.Expand({y, n}), gradient != nullptr);
     } catch (...) {
       self.failure_ = std::current_exception();
       self.opt_->force_stop();
     }
-    const std::size_t rows = self.rows_.size();
+    const std::size_t rows = self.own_rows_.size();
     const std::vector<double> simulated = SimulatedConstraints(self.problem_, self.result_);
     for (std::size_t i = 0; i < m; ++i) {
       if (i < rows) {
         std::optional<LinearRow> linear;
-        if (self.rows_[i].of_free_duration) linear = self.rows_[i].LinearAt({x, n});
-        const LinearRow& row = linear ? *linear : self.rows_[i];
-        value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), x, 0.0);
+        if (self.own_rows_[i].of_free_duration) linear = self.own_rows_[i].LinearAt({y, n});
+        const LinearRow& row = linear ? *linear : self.own_rows_[i];
+        value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), y, 0.0);
         if (gradient != nullptr) std::copy(row.a.begin(), row.a.end(), gradient + i * n);
       } else {
         value[i] = self.result_.finite ? simulated[i - rows] : 1.0;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
-              self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
+              self.slopes_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
         }
       }
     }
   }
 
   const Digits digits_;
+  double box_rad_;
+  double most_cost_ = std::numeric_limits<double>::infinity();  // of what is remembered
   const Problem& problem_;
   int max_evaluations_;
   Rollout& rollout_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
-  OutputGradients outputs_;
+  FreePaths paths_;
+  std::vector<LinearRow> own_rows_;   // by what is free of the paths
+  OutputGradients outputs_, slopes_;  // by the parameters, and by what is free of them
   std::vector<double> x_;
   RolloutResult result_;
   bool has_gradient_ = false;  // whether outputs_ belongs to x_
@@ -252,8 +269,9 @@ class LocalSolve {
 
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history,
-                   Digits digits) {
-  return LocalSolve(problem, max_evaluations, rollout, options, history, digits).Run(start);
+                   Digits digits, double box_rad) {
+  return LocalSolve(problem, max_evaluations, rollout, options, history, digits, box_rad)
+      .Run(start);
 }
 
 }  // namespace tumbler

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -152,8 +153,13 @@ enum class Digits {
 /// parameters [rad], which are of order one already. The cost is divided by its gradient at the
 /// start, and every constraint by its limit, because NLopt's SLSQP fails on large gradients.
 /// @param history  gets the evaluations appended; may be null.
+/// @param box_rad  it goes no farther than this from where it is before it looks again, and only a
+/// quarter as far each time that gained nothing; and it forgets what costs three times what the
+/// start does. For motions among cliffs, where SLSQP's first steps lead over one, and what is found
+/// there breaks fewer limits since the robot lies still. Infinite: not so.
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history,
-                   Digits digits = Digits::kAll);
+                   Digits digits = Digits::kAll,
+                   double box_rad = std::numeric_limits<double>::infinity());
 
 }  // namespace tumbler

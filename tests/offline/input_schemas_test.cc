@@ -142,6 +142,7 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfATask) {
   task.Add("passive", NamesOf(TableOf(t.at("passive"))))
       .Add("cost", ArrayOf(TableOf(t.at("cost"))), true)
       .Add("obstacle", ArrayOf(Obstacle(t.at("obstacle"))))
+      .Add("locked", joints)
       .Add("robust", robust.Done());
   for (const char* name : {"bar", "spline", "contact", "self_contact", "tolerances", "drives",
                            "mirror", "search", "solver"})
@@ -164,7 +165,9 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfATaskInSpace) {
   for (const char* name :
        {"spline", "contact", "self_contact", "tolerances", "drives", "search", "solver"})
     task.Add(name, TableOf(t.at(name)));
-  task.Add("robust", TableOf(space.at("robust_in_space")));
+  task.Add("robust", TableOf(space.at("robust_in_space")))
+      .Add("locked", joints)
+      .Add("tied", NamesOf(Any("string")));
   ExpectSchema("tumbler-task-in-space", "Tumbler: a task of a robot in space", task);
 }
 

@@ -118,15 +118,28 @@ TEST_P(Solo, HasThePublishedLengthsAndIsAsLongToEachSide) {
   }
 }
 
-TEST_P(Solo, HasTheTorqueOfItsMotorsAndTheRangesOfItsDrives) {
+TEST_P(Solo, HasTheTorqueOfItsMotorsAndTheRangesOfItsDrivesAndOfItsHips) {
   // 12 A x 0.025 N m/A x 9; solo12_driver.yaml.
-  const std::map<std::string, double> range = {{"HAA", 0.9}, {"HFE", 1.45}, {"KFE", 2.8}};
+  const std::map<std::string, double> range = {{"HFE", 1.45}, {"KFE", 2.8}};
   const Robot robot = LoadSolo(GetParam().name);
   for (std::size_t j = kFloatingDofs; j < robot.tree.dofs.size(); ++j) {
     const RobotJointLimits& limits = robot.joints[j].limits;
+    const std::string& name = robot.tree.dofs[j].name;
     EXPECT_NEAR(limits.effort_nm, 12 * 0.025 * 9, 1e-12);
     EXPECT_EQ(limits.velocity_rad_s, 80);
-    EXPECT_EQ(limits.upper_rad, range.at(robot.tree.dofs[j].name.substr(3)));
+    if (name.substr(3) == "HAA") {
+      // Outwards a left leg turns about x, and a right one the other way round.
+      const bool left = name[1] == 'L';
+      const double out = left ? limits.upper_rad : -limits.lower_rad;
+      const double in = left ? -limits.lower_rad : limits.upper_rad;
+      constexpr double kDegree = M_PI / 180, kRounded = 0.01;
+      EXPECT_LE(out, 140 * kDegree);
+      EXPECT_GT(out, 140 * kDegree - kRounded);
+      EXPECT_LE(in, 75 * kDegree);
+      EXPECT_GT(in, 75 * kDegree - kRounded);
+      continue;
+    }
+    EXPECT_EQ(limits.upper_rad, range.at(name.substr(3)));
     EXPECT_EQ(limits.lower_rad, -limits.upper_rad);
   }
 }

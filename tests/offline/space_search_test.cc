@@ -3,8 +3,10 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/files/primitive_toml.h"
@@ -15,7 +17,10 @@
 #include "offline/pages/space_motion.h"
 #include "offline/problem/space_task.h"
 #include "offline/problem/task_toml.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/guess.h"
+#include "offline/solve/random_starts.h"
+#include "offline/solve/rollout.h"
 #include "offline/studies/space_study.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -221,7 +226,7 @@ TEST(MotionInSpace, IsThatAtBothOfItsEnds) {
   try {
     ParsePrimitive(ToToml(file), "shift.toml");
     ADD_FAILURE() << "accepted";
-  } catch (const FileError& error) {
+  } catch (const std::exception& error) {
     EXPECT_THAT(error.what(), HasSubstr("exit.root_quaternion: is missing, unlike the entry's"));
   }
 }
@@ -342,6 +347,103 @@ TEST(SpaceTask, NamesWhatIsForThePlane) {
               HasSubstr("unit quaternion"));
   EXPECT_THAT(message(testing::Replaced(ShiftTask(), "[start]", "[start]\npitch_rad = 1.0")),
               HasSubstr("pitch_rad"));
+}
+
+/// That task, with the hind legs tied to the front ones, whose mirror images they are.
+std::string TiedTask(const std::string& tied = R"(HL_HFE = "-FL_HFE", HL_KFE = "-FL_KFE", )"
+                                               R"(HR_HFE = "-FR_HFE", HR_KFE = "-FR_KFE")") {
+  return testing::Replaced(ShiftTask(), "settle_s = 0.2",
+                           "settle_s = 0.2\ntied = { " + tied + " }");
+}
+
+Task Tied() {
+  return ParseTask(TiedTask(), "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
+                   "solo8.urdf", TaskSpaces::kPlaneAndSpace);
+}
+
+TEST(TiedJoints, MoveAsTheOthersDoAndTheSearchLooksForTheseAlone) {
+  const Task task = Tied();
+  const FreePaths paths(task.problem);
+  EXPECT_EQ(paths.count() * 2, static_cast<std::size_t>(task.problem.parameter_count()));
+  const TaskResult result = WorkOn(task, Quietly(1));
+  ASSERT_TRUE(result.file) << result.cause;
+  EXPECT_TRUE(result.look.acceptable()) << result.look.Objections();
+  const Primitive<double>& primitive = result.file->primitive;
+  const auto path_of = [&primitive](std::string_view name) -> const auto& {
+    const auto found = std::ranges::find_if(
+        primitive.motions(), [&](const auto& motion) { return motion.name.view() == name; });
+    return found->position;
+  };
+  for (const std::string joint : {"FL_HFE", "FL_KFE", "FR_HFE", "FR_KFE"}) {
+    std::string hind = joint;
+    hind[0] = 'H';
+    for (const double time_s : {0.05, 0.17, 0.2, 0.33}) {
+      EXPECT_NEAR(path_of(hind).Evaluate(time_s).value, -path_of(joint).Evaluate(time_s).value,
+                  1e-12)
+          << joint;
+    }
+  }
+}
+
+TEST(TiedJoints, HaveSlopesThatAreThoseOfWhatTheyFollow) {
+  const Problem problem = Tied().problem;
+  const FreePaths paths(problem);
+  std::vector<double> y = paths.Reduce(RandomStarts(problem).Draw(3));
+  Rollout rollout(problem, 1e-3);
+  OutputGradients outputs = OutputGradients::Of(rollout);
+  rollout.Run(paths.Expand(y), outputs);
+  const OutputGradients slopes = paths.ReduceSlopes(outputs);
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    constexpr double kStep = 1e-6;
+    std::vector<double> up = y, down = y;
+    up[i] += kStep;
+    down[i] -= kStep;
+    const double difference =
+        (rollout.Run(paths.Expand(up)).cost - rollout.Run(paths.Expand(down)).cost) / (2 * kStep);
+    EXPECT_NEAR(slopes(0, static_cast<Eigen::Index>(i)), difference,
+                1e-5 * (1 + std::abs(difference)));
+  }
+}
+
+TEST(TiedJoints, AreWithinTheLimitsOfEachOfThem) {
+  Problem problem = Tied().problem;
+  problem.joints[problem.tied.front().joint].limits.position_max_rad = 0.5;
+  const FreePaths paths(problem);
+  const auto leader = static_cast<std::size_t>(problem.first_parameter(problem.tied.front().to));
+  EXPECT_EQ(paths.bounds(leader).min, -0.5) << "it moves the other way round";
+  std::vector<double> y(paths.count(), 0.0);
+  y[leader] = 0.25;
+  const std::vector<double> x = paths.Expand(y);
+  EXPECT_EQ(x[static_cast<std::size_t>(problem.first_parameter(problem.tied.front().joint))],
+            -0.25);
+  EXPECT_EQ(paths.Reduce(x), y);
+}
+
+TEST(TiedJoints, ThatCannotFollowAreRefused) {
+  const std::string robot = ReadFile(SourcePath("primitives/solo8/solo8.urdf"));
+  const auto message = [&robot](const std::string& text) -> std::string {
+    try {
+      ParseTask(text, "shift.toml", robot, "solo8.urdf", TaskSpaces::kPlaneAndSpace);
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(message(TiedTask()), "");
+  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "FL_HFE")")),
+              HasSubstr("tied.HL_HFE: is tied to 'FL_HFE', and its start is -0.8 rad where that "
+                        "needs 0.8"));
+  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "-FL_KNEE")")),
+              HasSubstr("allowed: another joint that is tied to none"));
+  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "HL_HFE")")), HasSubstr("allowed: another joint"));
+  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "-FL_HFE", FL_HFE = "FR_HFE")")),
+              HasSubstr("allowed: another joint that is tied to none"));
+  EXPECT_THAT(message(TiedTask(R"(HL_KNEE = "FL_HFE")")), HasSubstr("is not a joint of the robot"));
+  EXPECT_THAT(message(testing::Replaced(
+                  TiedTask(), "control_points = 7",
+                  "control_points = { FL_HFE = 8, FL_KFE = 7, FR_HFE = 7, FR_KFE = 7, HL_HFE = 7, "
+                  "HL_KFE = 7, HR_HFE = 7, HR_KFE = 7 }")),
+              HasSubstr("has 7 control points, and 'FL_HFE', which it is tied to, 8"));
 }
 
 TEST(SpaceScene, ComesToRestOnItsFeetWithItsWeightOnThem) {

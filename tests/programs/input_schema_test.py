@@ -22,7 +22,7 @@ SCHEMAS = {
     for path in sorted((ROOT / "docs/schemas/input").glob("*.schema.json"))
 }
 # Tables whose keys are names: of joints, links and primitives.
-NAMES = {"joints_rad", "joints_rad_s", "mass_factor", "primitives", "passive", "control_points"}
+NAMES = {"joints_rad", "joints_rad_s", "mass_factor", "primitives", "passive", "control_points", "tied", "locked"}
 
 
 def shipped():

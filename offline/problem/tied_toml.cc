@@ -1,0 +1,83 @@
+#include "offline/problem/tied_toml.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "common/files/file_keys.h"
+#include "offline/problem/require_joint.h"
+
+namespace tumbler {
+namespace {
+
+/// Which of the problem's joints has a name.
+std::size_t JointNamed(const TomlTable& table, const std::string& name, const Problem& problem) {
+  RequireJoint(table, name, problem);
+  const auto found = std::ranges::find_if(
+      problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == name; });
+  return static_cast<std::size_t>(found - problem.joints.begin());
+}
+
+/// Checks that a joint's path can be the other's, times the factor.
+void CheckCanFollow(const TomlTable& table, const TiedJoint& tied, const Problem& problem) {
+  const ActuatedJoint &joint = problem.joints[tied.joint], &to = problem.joints[tied.to];
+  const std::string &name = problem.name_of(joint), &other = problem.name_of(to);
+  if (joint.control_points != to.control_points) {
+    table.Fail(name, fmt::format("has {} control points, and '{}', which it is tied to, {}; "
+                                 "allowed: as many",
+                                 joint.control_points, other, to.control_points));
+  }
+  constexpr double kSame = 1e-9;
+  const auto check = [&](double value, double of_other, const char* what, const char* unit) {
+    if (std::abs(value - tied.factor * of_other) <= kSame) return;
+    table.Fail(name, fmt::format("is tied to '{}{}', and {} is {} {} where that needs {}; give "
+                                 "both the same ends, or leave it out",
+                                 tied.factor < 0 ? "-" : "", other, what, MessageNumber(value),
+                                 unit, MessageNumber(tied.factor * of_other)));
+  };
+  check(joint.start_rad, to.start_rad, "its start", "rad");
+  check(joint.end_rad, to.end_rad, "its end", "rad");
+  check(joint.start_rad_s, to.start_rad_s, "its velocity at the start", "rad/s");
+  check(joint.end_rad_s, to.end_rad_s, "its velocity at the end", "rad/s");
+}
+
+}  // namespace
+
+KeyTable TiedKeyTable() {
+  return {"offline/problem/tied_toml.cc",
+          "tied",
+          {{"", "`tied`", "none",
+            "table: some of the joints, and for each the name of another one that is tied to none, "
+            "with a `-` before it where it moves the other way round",
+            "joints that move as others do: their starts, ends and control points have to agree, "
+            "and the search looks for the paths of the others alone"}}};
+}
+
+void ReadTied(TomlTable& root, Problem& problem) {
+  std::optional<TomlTable> table = root.OptionalTable("tied");
+  if (!table) return;
+  for (const std::string& name : table->Keys()) {
+    TiedJoint tied;
+    tied.joint = JointNamed(*table, name, problem);
+    std::string to = table->String(name);
+    if (to.starts_with('-')) {
+      tied.factor = -1;
+      to.erase(0, 1);
+    }
+    const bool known = std::ranges::any_of(
+        problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == to; });
+    if (!known || to == name || table->Has(to)) {
+      table->Fail(name, fmt::format("is '{}'; allowed: another joint that is tied to none, or '-' "
+                                    "and its name where it moves the other way round",
+                                    table->String(name)));
+    }
+    tied.to = JointNamed(*table, to, problem);
+    CheckCanFollow(*table, tied, problem);
+    problem.tied.push_back(tied);
+  }
+}
+
+}  // namespace tumbler
