@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
 #include "offline/model/contact_model.h"
@@ -243,11 +244,19 @@ void ContactModel<Space>::MapsInSpace(const ForceChange& change, const Motion& b
   const Vector v_p = body_v.At(e.p), to_centre = e.c - e.p;
   const auto turn = [](int m) { return static_cast<std::size_t>(m); };
   const auto slide = [](int m) { return static_cast<std::size_t>(m) + 3; };
-  for (int m = 0; m < 3; ++m) {
+  // The cross product of the m-th unit vector, without its products with 0 and 1.
+  const auto turned_about = [](int m, const Vector& v) {
+    Vector product = Vector::Zero();
+    product[(m + 1) % 3] = -v[(m + 2) % 3];
+    product[(m + 2) % 3] = v[(m + 1) % 3];
+    return product;
+  };
+  const auto set_columns = [&](auto axis) {
+    constexpr int m = axis;
     const Vector along = Vector::Unit(m);
     Vector by_slide = u[m] * change.per_d;
-    Vector by_turn = -Space::Cross(along, e.F);
-    Vector attack = Space::Cross(along, to_centre);
+    Vector by_turn = -turned_about(m, e.F);
+    Vector attack = turned_about(m, to_centre);
     Vector moment = Vector::Zero();
     if (e.near.curvature_per_m != 0) {
       const auto bent = [&](const Vector& dc) -> Vector {
@@ -260,13 +269,16 @@ void ContactModel<Space>::MapsInSpace(const ForceChange& change, const Motion& b
       by_turn += change.ByNormal(turned);
       attack -= e.radius * turned;
     }
-    by_turn += change.ByVelocity(Space::Cross(along, v_p) + Space::Cross(body_v.w, attack));
+    by_turn += change.ByVelocity(turned_about(m, v_p) + Space::Cross(body_v.w, attack));
     stiffness.columns[slide(m)] = Space::ForceAt(e.p, by_slide);
     stiffness.columns[slide(m)].n += moment;
     stiffness.columns[turn(m)] = Space::ForceAt(e.p, by_turn);
     stiffness.columns[turn(m)].n += Space::Moment(attack, e.F);
     damping.columns[slide(m)] = Space::ForceAt(e.p, change.ByVelocity(along));
-  }
+  };
+  set_columns(std::integral_constant<int, 0>());
+  set_columns(std::integral_constant<int, 1>());
+  set_columns(std::integral_constant<int, 2>());
   for (int m = 0; m < 3; ++m) {
     const int next = (m + 1) % 3, last = (m + 2) % 3;
     const auto carried = [&](const WrenchMap& map) {

@@ -126,7 +126,8 @@ class HybridDynamics {
     WrenchDerivative& sum = bodies_[j].wrench_derivative;
     if ((touched_ >> j & 1U) == 0) {
       touched_ |= 1U << j;
-      sum = {};
+      sum = {stiffness, damping};
+      return;
     }
     sum.stiffness += stiffness;
     sum.damping += damping;
@@ -147,9 +148,13 @@ class HybridDynamics {
   ///
   ///   dg_q = R D_q,   R_ap = -input_ap,   R_pp = -input_pp,   R_aa = 1,   R_pa = 0,
   ///
-  /// and likewise for qd. So a cotangent r of the outputs is pulled back to q as D_q^T (R^T r).
-  /// input_pp is symmetric and input_ap = -input_pa^T.
-  void DifferentiateFactored(Derivatives& out);
+  /// and likewise for qd. So a cotangent r of the outputs is pulled back to q as D_q^T (R^T r), and
+  /// to the prescribed accelerations as the rows a of M (R^T r), as M is the derivative of inverse
+  /// dynamics by accelerations. input_pp is symmetric and input_ap = -input_pa^T.
+  /// @param by_prescribed  false: input_aa is not needed, and not written.
+  void DifferentiateFactored(Derivatives& out, bool by_prescribed = true);
+  /// M. It is zero for two degrees of freedom of which neither carries the other. After Solve.
+  [[nodiscard]] const typename Derivatives::Block& inertia() const { return M_; }
 
   /// Kinetic energy, and potential energy with its zero at the world's origin [J]. After SetState.
   [[nodiscard]] double KineticEnergy() const;
@@ -173,7 +178,7 @@ class HybridDynamics {
     WrenchMap stiffness, damping;
   };
   struct Body {
-    Rotation turn;                    // of the joint
+    typename Space::Turn turn;        // of the joint
     std::uint64_t angle_of_turn = 0;  // its bits: those of 0 rad
     Rotation R;
     Vector p;     // relative to origin_
@@ -187,13 +192,16 @@ class HybridDynamics {
     Wrench external;
     Motion a;                            // acceleration, gravity included as -g at the world
     Rate S_rate2;                        // a_parent x S + v_parent x S_rate
-    typename Space::Inertia composite;   // of the subtree
+    typename Space::Inertia composite;   // of the subtree; of slides only the mass
     typename Space::Bias bias;           // of the subtree
     Wrench force;                        // of the subtree
-    Wrench composite_S;                  // composite * S
+    Wrench composite_S;                  // composite * S; not of slides
     WrenchDerivative wrench_derivative;  // of the body; valid where touched
-    WrenchDerivative contact;            // of the subtree
+    WrenchDerivative contact;            // of the subtree, where several of its bodies are touched
   };
+  /// By body, the wrenches' derivatives of the subtree: those of the one touched body in it, or
+  /// the sum `Body::contact`; null: none is touched.
+  using Contacts = IntArray<const WrenchDerivative*, kMaxDofs>;
   /// Calls work(number of free degrees of freedom). Those that are common (`Space`) are given as
   /// constants, for which the loops over them are compiled without loops.
   template <class Work>
@@ -213,12 +221,15 @@ class HybridDynamics {
   /// Accelerations, forces and bias maps of the bodies at Solve's solution.
   void MoveBodiesAtSolution();
   void DifferentiateInverse(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd);
-  void DifferentiateSlides(std::uint32_t touched, typename Derivatives::Block& d_q,
+  void DifferentiateSlides(Contacts& contacts, typename Derivatives::Block& d_q,
                            typename Derivatives::Block& d_qd);
+  /// Adds the contacts of a body to those of the one that carries it.
+  void CarryContacts(int body, int carrier, Contacts& contacts);
   /// Adds what AddPairDerivative summed up.
   void AddPairs(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd) const;
   template <class Count>
-  void DifferentiateByInput(Count count, typename Derivatives::Block& input) const;
+  void DifferentiateByInput(Count count, typename Derivatives::Block& input,
+                            bool by_prescribed) const;
   /// Makes of the derivative of inverse dynamics that of Solve's outputs.
   template <class Count>
   void MultiplyOut(Count count, Derivatives& out) const;
@@ -245,7 +256,11 @@ class HybridDynamics {
   std::uint32_t touched_ = 0;                         // bodies with a wrench derivative
   bool any_pair_ = false;
   typename Derivatives::Block pair_q_, pair_qd_;  // the share of pairs in the derivative of tau
-  std::vector<std::pair<int, int>> unrelated_;    // bodies of which neither carries the other
+  /// Degrees of freedom [begin, end) that neither carry that of the row nor are carried by it.
+  struct Unrelated {
+    int row, begin, end;
+  };
+  std::vector<Unrelated> unrelated_;
 };
 
 }  // namespace tumbler

@@ -29,7 +29,7 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
                   dof.inertia_kg_m2,
                   dof.rotor_inertia_kg_m2,
                   dof.damping_nm_s_per_rad};
-    if (dof.kind == JointKind::kRevolute) bodies_[j].turn = Space::RotationBy(dof.axis, 0);
+    if (dof.kind == JointKind::kRevolute) bodies_[j].turn = typename Space::Turn(dof.axis, 0);
     if (!dof.massless && j < first_body_) first_body_ = j;
     if (slides_ == j && dof.massless && dof.kind == JointKind::kPrismatic && dof.parent == j - 1) {
       ++slides_;
@@ -42,11 +42,20 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
       prescribed_[prescribed_count_++] = j;
     }
   }
+  IntArray<std::uint32_t, kMaxDofs> related{};  // bits of degrees of freedom
   for (int j = 0; j < n_; ++j) {
-    std::uint32_t carriers = 0;
-    for (int i = j; i >= 0; i = joints_[i].parent) carriers |= 1U << i;
-    for (int i = 0; i < j; ++i) {
-      if ((carriers >> i & 1U) == 0) unrelated_.emplace_back(i, j);
+    for (int i = j; i >= 0; i = joints_[i].parent) {
+      related[j] |= 1U << i;
+      related[i] |= 1U << j;
+    }
+  }
+  for (int j = 0; j < n_; ++j) {
+    for (int i = 0; i < n_; ++i) {
+      if ((related[j] >> i & 1U) != 0) continue;
+      const bool goes_on =
+          !unrelated_.empty() && unrelated_.back().row == j && unrelated_.back().end == i;
+      if (!goes_on) unrelated_.push_back({j, i, i});
+      ++unrelated_.back().end;
     }
   }
 }
@@ -65,24 +74,22 @@ void HybridDynamics<Space>::SetState(std::span<const double> positions,
     slid += joints_[j].offset + joints_[j].direction * q[j];
     bodies_[j].p = slid;
   }
+  const Rotation world_R;
+  const Vector world_p = Vector::Zero();
   for (int j = slides_; j < n_; ++j) {
     const Joint& joint = joints_[j];
     Body& body = bodies_[j];
-    Rotation R;
-    Vector p = Vector::Zero();
-    if (joint.parent >= 0) {
-      R = bodies_[joint.parent].R;
-      p = bodies_[joint.parent].p;
-    }
+    const Rotation& R = joint.parent >= 0 ? bodies_[joint.parent].R : world_R;
+    const Vector& p = joint.parent >= 0 ? bodies_[joint.parent].p : world_p;
     if (joint.kind == JointKind::kRevolute) {
       // Stages of a step at the same time have the same angles on the joints' paths.
       const auto angle = std::bit_cast<std::uint64_t>(q[j]);
       if (angle != body.angle_of_turn) {
         body.angle_of_turn = angle;
-        body.turn = Space::RotationBy(joint.axis, q[j]);
+        body.turn = typename Space::Turn(joint.axis, q[j]);
       }
-      body.R = R * body.turn;
       body.p = p + R * joint.offset;
+      body.R = R * body.turn;
     } else {
       body.R = R;
       body.p = p + R * (joint.offset + joint.direction * q[j]);
@@ -152,7 +159,7 @@ void HybridDynamics<Space>::Solve(std::span<double> accelerations, std::span<dou
     }
   }
   IntArray<double, kMaxDofs> rest;  // tau at free qdd = 0
-  for (int j = n_ - 1; j >= 0; --j) {
+  for (int j = n_ - 1; j >= slides_; --j) {
     Body& body = bodies_[j];
     const Joint& joint = joints_[j];
     rest[j] = Space::Dot(body.S, body.force) + joint.damping * body.qd;
@@ -170,6 +177,21 @@ void HybridDynamics<Space>::Solve(std::span<double> accelerations, std::span<dou
       parent.composite = parent.composite + body.composite;
       parent.force = parent.force + body.force;
     }
+  }
+  // The root's translations move the whole mass as one, so no moments are needed.
+  for (int j = slides_ - 1; j >= 0; --j) {
+    const Body& body = bodies_[j];
+    const Joint& joint = joints_[j];
+    const Vector& direction = body.S.v;
+    rest[j] = direction.dot(body.force.f) + joint.damping * body.qd;
+    if (joint.prescribed) rest[j] += joint.rotor_inertia * qdd[j];
+    const Vector momentum = body.composite.m * direction;
+    auto& row = M_[j];
+    row[j] = direction.dot(momentum) + joint.rotor_inertia;
+    for (int i = 0; i < j; ++i) row[i] = M_[i][j] = bodies_[i].S.v.dot(momentum);
+    if (j == 0) continue;
+    bodies_[j - 1].composite.m += body.composite.m;
+    bodies_[j - 1].force = bodies_[j - 1].force + body.force;
   }
   IntArray<double, kMaxDofs> x;
   WithFreeCount([&](auto count) {
@@ -258,26 +280,25 @@ template <class Space>
 void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_q,
                                                  typename Derivatives::Block& d_qd) {
   MoveBodiesAtSolution();
-  for (const auto& [i, j] : unrelated_) {
-    d_q[i][j] = d_q[j][i] = 0;
-    d_qd[i][j] = d_qd[j][i] = 0;
+  for (const auto& [row, begin, end] : unrelated_) {
+    for (int i = begin; i < end; ++i) d_q[row][i] = d_qd[row][i] = 0;
   }
   // [SRW22, Eqs. 34-37], where the composite of the wrenches' derivatives joins that of the bias.
-  std::uint32_t touched = touched_;
-  for (int j = 0; j < n_; ++j) {
-    if ((touched >> j & 1U) != 0) bodies_[j].contact = bodies_[j].wrench_derivative;
+  Contacts contacts{};
+  for (std::uint32_t touched = touched_; touched != 0; touched &= touched - 1) {
+    const int j = std::countr_zero(touched);
+    contacts[j] = &bodies_[j].wrench_derivative;
   }
   for (int j = n_ - 1; j >= slides_; --j) {
     const Body& body = bodies_[j];
     const int up = joints_[j].parent;
-    const bool in_contact = (touched >> j & 1U) != 0;
-    const WrenchDerivative& w = body.contact;
+    const WrenchDerivative* const w = contacts[j];
     Wrench by_q = body.composite * body.S_rate2 + Space::BiasOfRate(body.bias, body.S_rate) +
                   Space::Cross(body.S, body.force);
     Wrench by_qd = body.bias * body.S + body.composite * (body.S_rate * 2.0);
-    if (in_contact) {
-      by_q = by_q - (w.stiffness * body.S + w.damping * body.S_rate);
-      by_qd = by_qd - w.damping * body.S;
+    if (w != nullptr) {
+      by_q = by_q - (w->stiffness * body.S + w->damping * body.S_rate);
+      by_qd = by_qd - w->damping * body.S;
     }
     d_q[j][j] = Space::Dot(body.S, by_q);
     d_qd[j][j] = Space::Dot(body.S, by_qd) + joints_[j].damping;
@@ -302,9 +323,9 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
       parent.bias = parent.bias + body.bias;
       parent.force = parent.force + body.force;
     }
-    if (!in_contact) continue;
-    const Wrench k = w.stiffness.TransposeTimes(body.S);
-    const Wrench d = w.damping.TransposeTimes(body.S);
+    if (w == nullptr) continue;
+    const Wrench k = w->stiffness.TransposeTimes(body.S);
+    const Wrench d = w->damping.TransposeTimes(body.S);
     for (i = up; i >= slides_; i = joints_[i].parent) {
       const Body& above = bodies_[i];
       d_q[j][i] -= Space::Dot(above.S, k) + Space::Dot(above.S_rate, d);
@@ -314,30 +335,37 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
       d_q[j][i] -= bodies_[i].S.v.dot(k.f);
       d_qd[j][i] -= bodies_[i].S.v.dot(d.f);
     }
-    WrenchDerivative& sum = parent.contact;
-    if ((touched >> up & 1U) == 0) {
-      sum = w;
-    } else {
-      sum.stiffness += w.stiffness;
-      sum.damping += w.damping;
-    }
-    touched |= 1U << up;
+    CarryContacts(j, up, contacts);
   }
-  DifferentiateSlides(touched, d_q, d_qd);
+  DifferentiateSlides(contacts, d_q, d_qd);
   if (any_pair_) AddPairs(d_q, d_qd);
+}
+
+template <class Space>
+void HybridDynamics<Space>::CarryContacts(int body, int carrier, Contacts& contacts) {
+  const WrenchDerivative& own = *contacts[body];
+  if (contacts[carrier] == nullptr) {
+    contacts[carrier] = &own;
+    return;
+  }
+  WrenchDerivative& sum = bodies_[carrier].contact;
+  if (contacts[carrier] != &sum) sum = *contacts[carrier];
+  sum.stiffness += own.stiffness;
+  sum.damping += own.damping;
+  contacts[carrier] = &sum;
 }
 
 /// The root's translations, whose axes never change, among themselves: only contacts depend on
 /// them.
 template <class Space>
-void HybridDynamics<Space>::DifferentiateSlides(std::uint32_t touched,
+void HybridDynamics<Space>::DifferentiateSlides(Contacts& contacts,
                                                 typename Derivatives::Block& d_q,
                                                 typename Derivatives::Block& d_qd) {
   for (int j = slides_ - 1; j >= 0; --j) {
     for (int i = 0; i <= j; ++i) d_q[i][j] = d_q[j][i] = d_qd[i][j] = d_qd[j][i] = 0;
     d_qd[j][j] = joints_[j].damping;
-    if ((touched >> j & 1U) == 0) continue;
-    const WrenchDerivative& w = bodies_[j].contact;
+    if (contacts[j] == nullptr) continue;
+    const WrenchDerivative& w = *contacts[j];
     const Vector& direction = bodies_[j].S.v;
     const Vector by_q = w.stiffness.ForceOfSlide(direction);
     const Vector by_qd = w.damping.ForceOfSlide(direction);
@@ -349,15 +377,7 @@ void HybridDynamics<Space>::DifferentiateSlides(std::uint32_t touched,
       d_q[j][i] -= direction.dot(w.stiffness.ForceOfSlide(bodies_[i].S.v));
       d_qd[j][i] -= direction.dot(w.damping.ForceOfSlide(bodies_[i].S.v));
     }
-    if (j == 0) continue;
-    WrenchDerivative& sum = bodies_[j - 1].contact;
-    if ((touched >> (j - 1) & 1U) == 0) {
-      sum = w;
-    } else {
-      sum.stiffness += w.stiffness;
-      sum.damping += w.damping;
-    }
-    touched |= 1U << (j - 1);
+    if (j > 0) CarryContacts(j, j - 1, contacts);
   }
 }
 
@@ -419,8 +439,8 @@ void HybridDynamics<Space>::AddPairDerivative(int a, int b, const Wrench& W,
 
 template <class Space>
 template <class Count>
-void HybridDynamics<Space>::DifferentiateByInput(Count count,
-                                                 typename Derivatives::Block& input) const {
+void HybridDynamics<Space>::DifferentiateByInput(Count count, typename Derivatives::Block& input,
+                                                 bool by_prescribed) const {
   // Inverse of the Cholesky factor, then of the free inertia.
   IntArray<IntArray<double, kMaxDofs>, kMaxDofs> inverse;
   for (int i = 0; i < count; ++i) {
@@ -451,6 +471,7 @@ void HybridDynamics<Space>::DifferentiateByInput(Count count,
       input[p][a] = -sum;
       input[a][p] = sum;
     }
+    if (!by_prescribed) continue;
     for (int below = 0; below <= at; ++below) {
       const int b = prescribed_[below];
       double sum = M_[a][b];
@@ -461,9 +482,9 @@ void HybridDynamics<Space>::DifferentiateByInput(Count count,
 }
 
 template <class Space>
-void HybridDynamics<Space>::DifferentiateFactored(Derivatives& out) {
+void HybridDynamics<Space>::DifferentiateFactored(Derivatives& out, bool by_prescribed) {
   DifferentiateInverse(out.q, out.qd);
-  WithFreeCount([&](auto count) { DifferentiateByInput(count, out.input); });
+  WithFreeCount([&](auto count) { DifferentiateByInput(count, out.input, by_prescribed); });
 }
 
 template <class Space>

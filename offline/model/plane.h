@@ -60,6 +60,12 @@ struct Plane {
     return {cosine, axis * sine};
   }
 
+  /// The turn of a joint.
+  struct Turn : Rotation {
+    Turn() = default;
+    Turn(Axis axis, double angle) : Rotation(RotationBy(axis, angle)) {}
+  };
+
   /// The derivative of a motion that is carried along by another: a pure translation.
   struct Rate {
     Vector v = Vector::Zero();

@@ -43,6 +43,44 @@ struct Spatial {
   static Axis DefaultAxis() { return Vector::UnitZ(); }
   static Rotation RotationBy(const Axis& axis, double angle);
 
+  /// The turn of a joint. Most joints turn about an axis of coordinates: then R times the turn has
+  /// one column of R, and two mixed of the others.
+  class Turn {
+   public:
+    Turn() = default;
+    Turn(const Axis& axis, double angle) : turn_(RotationBy(axis, angle)) {
+      for (int i = 0; i < 3; ++i) {
+        if (axis[(i + 1) % 3] == 0 && axis[(i + 2) % 3] == 0) kept_ = i;
+      }
+    }
+    friend Rotation operator*(const Rotation& R, const Turn& turn) {
+      switch (turn.kept_) {
+        case 0:
+          return turn.Keeping<0>(R.m);
+        case 1:
+          return turn.Keeping<1>(R.m);
+        case 2:
+          return turn.Keeping<2>(R.m);
+        default:
+          return R * turn.turn_;
+      }
+    }
+
+   private:
+    template <int kKept>
+    [[nodiscard]] Rotation Keeping(const SpaceMatrix& R) const {
+      constexpr int kNext = (kKept + 1) % 3, kLast = (kKept + 2) % 3;
+      const double c = turn_.m(kNext, kNext), s = turn_.m(kLast, kNext);
+      Rotation product;
+      product.m.col(kKept) = R.col(kKept);
+      product.m.col(kNext) = c * R.col(kNext) + s * R.col(kLast);
+      product.m.col(kLast) = c * R.col(kLast) - s * R.col(kNext);
+      return product;
+    }
+    Rotation turn_;
+    int kept_ = -1;  // the axis of coordinates; -1: none
+  };
+
   /// Velocity of a body: angular velocity, and the velocity of the body's point that is now at the
   /// origin.
   struct Motion {
@@ -97,7 +135,8 @@ struct Spatial {
       for (std::size_t m = 0; m < columns.size(); ++m) columns[m] = columns[m] + a.columns[m];
       return *this;
     }
-    friend Wrench operator*(const WrenchMap& a, const Motion& u) {
+    // A call would pass its numbers through memory, here and for inertias.
+    [[gnu::always_inline]] friend Wrench operator*(const WrenchMap& a, const Motion& u) {
       Pairs sum = Pairs::Of(a.columns[0], u.w[0]);
       sum.Add(a.columns[1], u.w[1]);
       sum.Add(a.columns[2], u.w[2]);
@@ -166,7 +205,7 @@ struct Spatial {
     friend Inertia operator+(const Inertia& a, const Inertia& b) {
       return {a.m + b.m, a.h + b.h, a.sigma + b.sigma};
     }
-    friend Wrench operator*(const Inertia& a, const Motion& b) {
+    [[gnu::always_inline]] friend Wrench operator*(const Inertia& a, const Motion& b) {
       const double xx = a.sigma(0, 0), yy = a.sigma(1, 1), zz = a.sigma(2, 2);
       const double xy = a.sigma(0, 1), xz = a.sigma(0, 2), yz = a.sigma(1, 2);
       const Vector spin{(yy + zz) * b.w[0] - xy * b.w[1] - xz * b.w[2],

@@ -100,9 +100,10 @@ struct SceneDynamicsIn {
     }
   }
   /// The same as HybridDynamics::DifferentiateFactored does.
-  void DifferentiateFactored(typename HybridDynamics<Space>::Derivatives& out) {
+  void DifferentiateFactored(typename HybridDynamics<Space>::Derivatives& out,
+                             bool by_prescribed = true) {
     contact->Differentiate(dynamics);
-    dynamics.DifferentiateFactored(out);
+    dynamics.DifferentiateFactored(out, by_prescribed);
     AddFrictionSlopes(out);
     for (const PassiveJoint& joint : springs_)
       out.q[joint.dof][joint.dof] += joint.stiffness_nm_per_rad;

@@ -8,9 +8,9 @@ namespace tumbler {
 
 template <class Space>
 Adjoint<Space>::Pullback::Pullback() {
-  adjoint.fill(OutputLanes::Zero());
-  for (StateBar& block : y_bar) block.fill(OutputLanes::Zero());
-  for (auto& path : paths) path.fill(OutputLanes::Zero());
+  adjoint.fill(Lanes::Zero());
+  for (StateBar& block : y_bar) block.fill(Lanes::Zero());
+  for (auto& path : paths) path.fill(Lanes::Zero());
 }
 
 template <class Space>
@@ -35,21 +35,21 @@ void Adjoint<Space>::RunScheme(const RolloutResult& result, std::span<double> gr
                     gradient.last(forward_.clearance_gradient.size()).begin());
   pullback_ = {};
   int lanes = 0;
-  const auto add_lane = [&](int output, double limit) {
-    pullback_.lanes[Index(lanes++)] = {output, limit};
-    if (lanes < OutputLanes::kCount) return;
+  const auto add_lane = [&](int output, int joint, double limit) {
+    pullback_.lanes[Index(lanes++)] = {output, joint, limit};
+    if (lanes < Lanes::kCount) return;
     PullBack<kScheme>(gradient);
     pullback_ = {};
     lanes = 0;
   };
-  add_lane(OutputRows::kCost, 0);
+  add_lane(OutputRows::kCost, -1, 0);
   for (int j = 0; j < joints_; ++j) {
     if (forward_.outputs.IsTorqueLimited(j))
-      add_lane(OutputRows::torque(j), forward_.motion.joint(j).limits.torque_max_nm);
+      add_lane(OutputRows::torque(j), j, forward_.motion.joint(j).limits.torque_max_nm);
   }
   if (result.penetration_excess > -1) {
     pullback_.penetration_lane = lanes;
-    add_lane(forward_.outputs.rows().penetration(), 0);
+    add_lane(forward_.outputs.rows().penetration(), -1, 0);
   }
   if (lanes > 0) PullBack<kScheme>(gradient);
 }
@@ -58,7 +58,7 @@ template <class Space>
 template <const Tableau& kScheme>
 void Adjoint<Space>::PullBack(std::span<double> gradient) {
   const int parameters = forward_.motion.parameters();
-  parameters_.assign(Index(parameters), OutputLanes::Zero());
+  parameters_.assign(Index(parameters), Lanes::Zero());
   std::size_t instant = forward_.instant_states.size();
   AddInstants(forward_.table.steps(), instant);
   StateBar total;
@@ -81,7 +81,7 @@ void Adjoint<Space>::PullBack(std::span<double> gradient) {
     parameters_[Index(rate.parameter)] +=
         pullback_.adjoint[Index(free_ + forward_.robot.FreeIndexOf(rate.dof))];
   }
-  for (int lane = 0; lane < OutputLanes::kCount; ++lane) {
+  for (int lane = 0; lane < Lanes::kCount; ++lane) {
     const int output = pullback_.lanes[Index(lane)].output;
     if (output < 0) continue;
     for (int k = 0; k < parameters; ++k)
@@ -117,19 +117,17 @@ void Adjoint<Space>::AddInstant(std::size_t instant) {
   });
 }
 
-/// The derivatives of the outputs in the torque of a joint at a stage.
-/// @param of_cost  the derivative of the cost, whose lane is the first; 0 where it is not pulled
-/// back.
+/// Multiplies a row of MotionRecord::dynamics, and moves on to the next.
 template <class Space>
-OutputLanes Adjoint<Space>::TorqueSlopes(std::size_t stage, int joint, double of_cost) const {
-  OutputLanes slopes = OutputLanes::Zero();
-  slopes.Add(0, of_cost);
-  for (int i = 0; i < OutputLanes::kCount; ++i) {
-    const Lane& lane = pullback_.lanes[Index(i)];
-    if (lane.output == OutputRows::torque(joint))
-      slopes.Add(i, forward_.maxima.by_torque(stage, joint) / lane.limit);
+inline typename Adjoint<Space>::Lanes Adjoint<Space>::RowTimes(const double*& row,
+                                                               const Entries& entries,
+                                                               const Column& v) {
+  Lanes sum = *row++ * v[0];
+  for (int i = 1; i < entries.first; ++i) sum += *row++ * v[Index(i)];
+  if constexpr (MotionRecord<Space>::kSparse) {
+    for (int i = entries.begin; i < entries.end; ++i) sum += *row++ * v[Index(i)];
   }
-  return slopes;
+  return sum;
 }
 
 /// Computes y_bar of a stage from the adjoint of its step and y_bar of the stages after it.
@@ -152,14 +150,8 @@ void Adjoint<Space>::PullBackStage(int step, int s) {
   const double growth = table.GrowthOf(step, forward_.motion.duration());
   if (growth != 0) AddStretch(stage, growth, b, k_bar);
   StateBar& y_bar = pullback_.y_bar[Index(s)];
-  const double* const dynamics = record.dynamics(stage);
-  const auto row_times = [&](int row, const std::array<OutputLanes, kMaxDofs>& v) {
-    const double* entry = dynamics + Index(row * dofs_);
-    OutputLanes sum = entry[0] * v[0];
-    for (int i = 1; i < dofs_; ++i) sum += entry[i] * v[Index(i)];
-    return sum;
-  };
-  std::array<OutputLanes, kMaxDofs> r, w;  // the cotangents of g's outputs, and R^T r
+  const double* row = record.dynamics(stage);
+  Column r, w;  // the cotangents of g's outputs, and R^T r
   for (int i = 0; i < free_; ++i) r[Index(i)] = k_bar[Index(free_ + i)];
   // The integrals of the cost also depend on the stage directly.
   std::array<double, kMaxJoints> by_torque{};
@@ -171,13 +163,20 @@ void Adjoint<Space>::PullBackStage(int step, int s) {
     for (const auto& term : forward_.running)
       term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque});
   }
-  for (int j = 0; j < joints_; ++j)
-    r[Index(free_ + j)] = TorqueSlopes(stage, j, by_torque[Index(j)]);
-  for (int i = 0; i < free_; ++i) w[Index(i)] = row_times(i, r);
+  for (int j = 0; j < joints_; ++j) {
+    r[Index(free_ + j)] = Lanes::Zero();
+    r[Index(free_ + j)].Add(0, by_torque[Index(j)]);
+  }
+  for (int i = 0; i < Lanes::kCount; ++i) {
+    const auto& [output, joint, limit] = pullback_.lanes[Index(i)];
+    if (joint >= 0) r[Index(free_ + joint)].Add(i, forward_.maxima.by_torque(stage, joint) / limit);
+  }
+  for (int i = 0; i < free_; ++i) w[Index(i)] = RowTimes(row, {dofs_, 0, 0}, r);
   for (int j = 0; j < joints_; ++j) w[Index(free_ + j)] = r[Index(free_ + j)];
   for (int i = 0; i < free_; ++i) {
-    y_bar[Index(i)] = row_times(dofs_ + i, w);
-    y_bar[Index(free_ + i)] = k_bar[Index(i)] + row_times(2 * dofs_ + i, w);
+    const Entries& entries = record.entries(i);
+    y_bar[Index(i)] = RowTimes(row, entries, w);
+    y_bar[Index(free_ + i)] = k_bar[Index(i)] + RowTimes(row, entries, w);
   }
   const int deep = pullback_.penetration_lane;
   const double by_penetration = deep >= 0 ? forward_.maxima.by_penetration(stage) : 0;
@@ -191,9 +190,10 @@ void Adjoint<Space>::PullBackStage(int step, int s) {
   if (moving) CollectPathsAt(table.PointOf(step, s));
   for (int j = 0; moving && j < joints_; ++j) {
     auto& path = pullback_.paths[Index(j)];
-    path[0] += row_times(dofs_ + free_ + j, w);
-    path[1] += row_times(2 * dofs_ + free_ + j, w);
-    path[2] += row_times(free_ + j, r);
+    const Entries& entries = record.entries(free_ + j);
+    path[0] += RowTimes(row, entries, w);
+    path[1] += RowTimes(row, entries, w);
+    path[2] += RowTimes(row, entries, MotionRecord<Space>::kSparse ? w : r);
     if (by_position != nullptr) path[0].Add(deep, by_penetration * by_position[free_ + j]);
   }
   if (moving) AddCurveSlopes(stage);
@@ -206,7 +206,7 @@ void Adjoint<Space>::PullBackStage(int step, int s) {
 template <class Space>
 void Adjoint<Space>::AddStretch(std::size_t stage, double growth, double b, const StateBar& k_bar) {
   const double* const slope = forward_.record.state_slope(stage);
-  OutputLanes sum = OutputLanes::Zero();
+  Lanes sum = Lanes::Zero();
   for (int i = 0; i < 2 * free_; ++i) sum += slope[i] * k_bar[Index(i)];
   if (has_cost()) {
     const CostPoint there = forward_.record.At(stage);
@@ -223,8 +223,8 @@ void Adjoint<Space>::AddCurveSlopes(std::size_t stage) {
   for (std::size_t c = 0; c < curved.size(); ++c) {
     const int j = curved[c];
     const double by_velocity = forward_.motion.joint(j).motor.curve_by_velocity();
-    for (int i = 0; i < OutputLanes::kCount; ++i) {
-      if (pullback_.lanes[Index(i)].output != OutputRows::torque(j)) continue;
+    for (int i = 0; i < Lanes::kCount; ++i) {
+      if (pullback_.lanes[Index(i)].joint != j) continue;
       pullback_.paths[Index(j)][1].Add(i, by_velocity * forward_.maxima.by_curve(stage, c));
     }
   }
@@ -261,7 +261,7 @@ void Adjoint<Space>::AddToParameters() {
   for (int j = 0; j < joints_; ++j) {
     auto& bar = pullback_.paths[Index(j)];
     forward_.paths.AddToParameters(pullback_.point, j, bar, parameters_);
-    bar.fill(OutputLanes::Zero());
+    bar.fill(Lanes::Zero());
   }
 }
 

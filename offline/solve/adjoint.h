@@ -2,6 +2,7 @@
 
 #include <array>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "common/core/primitive.h"
@@ -14,7 +15,7 @@
 namespace tumbler {
 
 /// The discrete adjoint of a Propagation: the derivatives of its outputs in the parameters, by
-/// going back through its recorded stages, OutputLanes::kCount outputs at a time.
+/// going back through its recorded stages, Lanes::kCount outputs at a time.
 ///
 /// The state after a step is y + h sum_s b_s k_s, with k_s = f(y_s) and y_s = y + h sum_r<s a_sr
 /// k_r. With the cotangent lambda of the state after the step, those of the stages are
@@ -48,22 +49,27 @@ class Adjoint {
  private:
   static constexpr std::size_t kStates = std::tuple_size_v<typename Dynamics::State>;
   static constexpr int kMaxDofs = Dynamics::kMaxDofs;
-  using StateBar = std::array<OutputLanes, kStates>;
+  /// A robot in space has more joints, and so more outputs.
+  using Lanes = OutputLanes<std::is_same_v<Space, Plane> ? 4 : 8>;
+  using StateBar = std::array<Lanes, kStates>;
+  using Column = std::array<Lanes, kMaxDofs>;
+  using Entries = typename MotionRecord<Space>::Entries;
 
   /// An output that goes back in a lane.
   struct Lane {
     int output = -1;   // none
-    double limit = 0;  // of the joint whose torque it is of
+    int joint = -1;    // whose torque it is of; -1: of none
+    double limit = 0;  // of that torque
   };
   /// What goes back through the steps.
   struct Pullback {
     Pullback();
-    std::array<Lane, OutputLanes::kCount> lanes;
-    int penetration_lane = -1;                        // of the penetration's output; -1: none
-    StateBar adjoint;                                 // lambda
-    std::array<StateBar, Tableau::kMaxStages> y_bar;  // by stage
-    int point = 0;                                    // of `paths`
-    std::array<std::array<OutputLanes, 3>, kMaxJoints> paths;  // of q, qd and qdd
+    std::array<Lane, Lanes::kCount> lanes;
+    int penetration_lane = -1;                           // of the penetration's output; -1: none
+    StateBar adjoint;                                    // lambda
+    std::array<StateBar, Tableau::kMaxStages> y_bar;     // by stage
+    int point = 0;                                       // of `paths`
+    std::array<std::array<Lanes, 3>, kMaxJoints> paths;  // of q, qd and qdd
   };
 
   /// The cost, when it is among the outputs, has the first lane.
@@ -75,9 +81,10 @@ class Adjoint {
   void PullBack(std::span<double> gradient);
   template <const Tableau& kScheme>
   void PullBackStage(int step, int s);
+  [[gnu::always_inline]] static Lanes RowTimes(const double*& row, const Entries& entries,
+                                               const Column& v);
   void AddInstants(int step, std::size_t& end);
   void AddInstant(std::size_t instant);
-  OutputLanes TorqueSlopes(std::size_t stage, int joint, double of_cost) const;
   void AddStretch(std::size_t stage, double growth, double b, const StateBar& k_bar);
   void AddCurveSlopes(std::size_t stage);
   void AddStateSlopes(const typename Dynamics::Numbers& by_q,
@@ -88,7 +95,7 @@ class Adjoint {
   Propagation<Space>& forward_;
   int free_, joints_, dofs_;  // numbers of free degrees of freedom, of joints, and of both
   Pullback pullback_;
-  std::vector<OutputLanes> parameters_;  // the cotangents of the parameters
+  std::vector<Lanes> parameters_;  // the cotangents of the parameters
 };
 
 }  // namespace tumbler

@@ -10,10 +10,37 @@ MotionRecord<Space>::MotionRecord(const ParametricMotion& motion, Dynamics& robo
       order_(robot.free),
       keeps_slope_(motion.duration().is_free()) {
   for (const ActuatedJoint& joint : motion.problem().joints) order_.push_back(joint.dof);
-  stage_size_ = 3 * order_.size() * order_.size() + (keeps_slope_ ? 2 * free_ : 0);
+  FindEntries();
+  stage_size_ = free_ * order_.size() + (keeps_slope_ ? 2 * free_ : 0);
+  for (std::size_t i = 0; i < entries_.size(); ++i)
+    stage_size_ += Index((i < free_ ? 2 : 3) * entries_[i].count());
   integrates_state_ = std::ranges::any_of(motion.problem().cost, [](const CostTerm& term) {
     return term.when == CostTerm::When::kThroughout && term.of_state();
   });
+}
+
+/// A limb is what hangs on the root by one joint. Inverse dynamics knows nothing between two limbs,
+/// and no contact of a robot in space acts between its own bodies.
+template <class Space>
+void MotionRecord<Space>::FindEntries() {
+  const int free = static_cast<int>(free_), all = static_cast<int>(order_.size());
+  entries_.assign(order_.size(), {all, 0, 0});
+  if (!kSparse) return;
+  const auto limb_of = [&](int dof) {
+    int first = dof;
+    for (int i = dof; i >= 0 && !std::ranges::count(robot_.free, i); i = robot_.dynamics.parent(i))
+      first = i;
+    return first;
+  };
+  for (int i = free; i < all; ++i) {
+    int begin = i, end = i;
+    for (int k = free; k < all; ++k) {
+      if (limb_of(order_[Index(k)]) != limb_of(order_[Index(i)])) continue;
+      begin = std::min(begin, k);
+      end = std::max(end, k + 1);
+    }
+    entries_[Index(i)] = begin == free ? Entries{end, 0, 0} : Entries{free, begin, end};
+  }
 }
 
 template <class Space>
@@ -34,21 +61,27 @@ void MotionRecord<Space>::PrepareDerivatives() {
 
 template <class Space>
 void MotionRecord<Space>::StoreDerivatives(std::size_t stage, const double* slope) {
-  robot_.DifferentiateFactored(derivatives_);
+  robot_.DifferentiateFactored(derivatives_, !kSparse);
   const auto& input = derivatives_.input;
-  const std::span<const int> order(order_), joints = order.subspan(free_);
+  const std::span<const int> joints = std::span<const int>(order_).subspan(free_);
   double* out = &dynamics_[stage * stage_size_];
   for (const int i : robot_.free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa
     for (const int k : robot_.free) *out++ = -input[Index(i)][Index(k)];
     for (const int k : joints) *out++ = input[Index(i)][Index(k)];
   }
-  for (const int j : joints) {
-    for (const int k : order) *out++ = input[Index(k)][Index(j)];
-  }
-  for (const auto* block : {&derivatives_.q, &derivatives_.qd}) {
-    for (const int c : order) {
-      for (const int i : order) *out++ = (*block)[Index(i)][Index(c)];
-    }
+  const auto& by_acceleration = kSparse ? robot_.dynamics.inertia() : input;
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const std::size_t dof = Index(order_[i]);
+    const Entries& entries = entries_[i];
+    double *const q = out, *const qd = q + entries.count(), *const qdd = qd + entries.count();
+    ForEachEntry(entries, [&](int k, std::size_t other) {
+      q[k] = derivatives_.q[other][dof];
+      qd[k] = derivatives_.qd[other][dof];
+    });
+    out = qdd;
+    if (i < free_) continue;
+    ForEachEntry(entries, [&](int k, std::size_t other) { qdd[k] = by_acceleration[other][dof]; });
+    out += entries.count();
   }
   if (keeps_slope_) std::copy_n(slope, 2 * free_, out);
   if (!integrates_state_) return;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "common/core/index.h"
@@ -71,9 +72,20 @@ class MotionRecord {
   [[nodiscard]] const double* penetration_slopes(std::size_t stage) const {
     return &penetration_slope_[stage * order_.size()];
   }
-  /// dg of a stage in factored form (SceneDynamics::DifferentiateFactored), as rows of a matrix
-  /// with a column for each degree of freedom in `order`: R^T for the free degrees of freedom,
-  /// input^T for the actuated ones, then D_q^T and D_qd^T.
+  /// Whether zeros between joints of different limbs are left out of the rows below, and those for
+  /// accelerations are of M, which has such zeros, rather than of input, which has none. So a robot
+  /// in space with its many joints is less to go back through. In the plane a contact of the task's
+  /// own may act between any two bodies, and gradients keep to the last bit what they were.
+  static constexpr bool kSparse = std::is_same_v<Space, Spatial>;
+  /// The entries of a row that are stored, in `order`: the first ones, and [begin, end).
+  struct Entries {
+    int first, begin, end;
+    [[nodiscard]] int count() const { return first + end - begin; }
+  };
+  [[nodiscard]] const Entries& entries(int i) const { return entries_[Index(i)]; }
+  /// dg of a stage in factored form (SceneDynamics::DifferentiateFactored): the rows of R^T for the
+  /// free degrees of freedom, which are whole; then, for each degree of freedom in `order`, its
+  /// `entries` of the rows of D_q^T and D_qd^T, and if it is actuated, of input^T, or of M.
   [[nodiscard]] const double* dynamics(std::size_t stage) const {
     return &dynamics_[stage * stage_size_];
   }
@@ -87,10 +99,20 @@ class MotionRecord {
   [[nodiscard]] bool integrates_state() const { return integrates_state_; }
 
  private:
+  void FindEntries();
+  /// Calls visit(k, dof) for the k-th stored entry, of this degree of freedom.
+  template <class Visit>
+  void ForEachEntry(const Entries& entries, Visit&& visit) const {
+    for (int i = 0; i < entries.first; ++i) visit(i, Index(order_[Index(i)]));
+    for (int i = entries.begin; i < entries.end; ++i)
+      visit(entries.first + i - entries.begin, Index(order_[Index(i)]));
+  }
+
   Dynamics& robot_;
   std::size_t free_, joints_;  // numbers of free degrees of freedom and of joints
   std::vector<int> order_;
-  bool keeps_slope_;  // of the state
+  std::vector<Entries> entries_;  // of the rows of each degree of freedom in `order_`
+  bool keeps_slope_;              // of the state
   bool integrates_state_ = false;
   std::size_t stage_size_;  // of `dynamics_`
   StageValues values_;

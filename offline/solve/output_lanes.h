@@ -1,35 +1,40 @@
 #pragma once
 
+#include "common/core/index.h"
+
 namespace tumbler {
 
 /// Numbers of several outputs that go back through the steps together, one in each lane, in pairs
 /// with which the processor computes at once.
+template <int kLanes>
 class OutputLanes {
   using Pair [[gnu::vector_size(16)]] = double;
+  static_assert(kLanes % 2 == 0);
 
  public:
-  static constexpr int kCount = 4;
+  static constexpr int kCount = kLanes;
 
   OutputLanes() = default;  ///< Its numbers are not set.
-  static OutputLanes Zero() { return {Pair{}, Pair{}}; }
-  double operator[](int i) const { return i < 2 ? low_[i] : high_[i - 2]; }
-  void Add(int i, double value) {
-    if (i < 2) {
-      low_[i] += value;
-    } else {
-      high_[i - 2] += value;
-    }
+  static OutputLanes Zero() {
+    OutputLanes zero;
+    zero.pairs_.fill(Pair{});
+    return zero;
   }
+  double operator[](int i) const { return pairs_[i / 2][i % 2]; }
+  void Add(int i, double value) { pairs_[i / 2][i % 2] += value; }
 
-  friend OutputLanes operator+(const OutputLanes& a, const OutputLanes& b) {
-    return {a.low_ + b.low_, a.high_ + b.high_};
+  friend OutputLanes operator+(OutputLanes a, const OutputLanes& b) { return a += b; }
+  friend OutputLanes operator*(double k, OutputLanes a) {
+    for (Pair& pair : a.pairs_) pair *= k;
+    return a;
   }
-  friend OutputLanes operator*(double k, const OutputLanes& a) { return {k * a.low_, k * a.high_}; }
-  OutputLanes& operator+=(const OutputLanes& a) { return *this = *this + a; }
+  OutputLanes& operator+=(const OutputLanes& a) {
+    for (int i = 0; i < kLanes / 2; ++i) pairs_[i] += a.pairs_[i];
+    return *this;
+  }
 
  private:
-  OutputLanes(Pair low, Pair high) : low_(low), high_(high) {}
-  Pair low_, high_;
+  IntArray<Pair, kLanes / 2> pairs_;
 };
 
 }  // namespace tumbler

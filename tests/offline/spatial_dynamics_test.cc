@@ -84,6 +84,25 @@ TEST(SpatialAlgebra, InertiaIsThatOfTheTurnedBodyAboutTheOrigin) {
   }
 }
 
+TEST(SpatialAlgebra, ATurnIsTheRotationByItsAngle) {
+  std::mt19937_64 random(62);
+  const SpaceVector nearly_x{1, 1e-9, 0};  // of length 1 to rounding
+  std::vector<SpaceVector> axes{nearly_x};
+  for (int i = 0; i < 3; ++i) {
+    axes.push_back(SpaceVector::Unit(i));
+    axes.push_back(-SpaceVector::Unit(i));
+    axes.push_back(RandomDirection(random));
+  }
+  for (const SpaceVector& axis : axes) {
+    const double angle = Uniform(random, -3, 3);
+    const Spatial::Rotation R =
+        Spatial::RotationBy(RandomDirection(random), Uniform(random, -3, 3));
+    const SpaceMatrix error =
+        (R * Spatial::Turn(axis, angle)).m - (R * Spatial::RotationBy(axis, angle)).m;
+    for (int k = 0; k < 3; ++k) EXPECT_LT(error.col(k).norm(), 1e-15);
+  }
+}
+
 TEST(SpatialDynamics, ForwardAndInverseDynamicsUndoEachOther) {
   std::mt19937_64 random(63);
   for (int trial = 0; trial < 200; ++trial) {
