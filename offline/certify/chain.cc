@@ -582,7 +582,10 @@ ChainOutcome::Judged ChainOutcome::CountJudged() const {
 void RequireSameGround(const SimulatedMotion& motion) {
   const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    if (SameGround(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
+    const Problem &first = motion.ProblemOf(0), &other = motion.ProblemOf(i);
+    if (first.space ? SameGround(first.space->scene, other.space->scene)
+                    : SameGround(first.scene, other.scene))
+      continue;
     throw FileError(file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
                     fmt::format("was made for other [contact] or [[obstacle]] than '{}'; give both "
                                 "tasks the same and make it again",

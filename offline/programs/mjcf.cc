@@ -4,32 +4,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <numbers>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/core/index.h"
-#include "common/files/markup.h"
 #include "offline/model/hybrid_dynamics.h"
 #include "offline/model/near_points.h"
+#include "offline/programs/mjcf_text.h"
 
 namespace tumbler {
 namespace {
 
 /// Half of the thickness of boxes across the plane, and of obstacles [m].
 constexpr double kHalfDepth_m = 0.05, kObstacleHalfDepth_m = 1;
-/// Steps of the physics [s], with which MuJoCo is accurate here.
-constexpr double kStep_s = 2e-4;
-
-/// Text of an attribute or a comment: names of files are anybody's.
-std::string Escaped(std::string_view text) {
-  std::string out;
-  // "--" would end a comment.
-  for (const char c : MarkupText(text))
-    out += c == '-' && out.ends_with('-') ? " -" : std::string(1, c);
-  return out;
-}
 
 class Writer {
  public:
@@ -62,38 +52,27 @@ class Writer {
     Line(1, "<compiler angle=\"radian\" inertiafromgeom=\"false\"/>");
     const Plane::Vector& g = robot_.tree.gravity;
     Line(1, "<option timestep=\"{}\" integrator=\"implicit\" gravity=\"{:.17g} 0 {:.17g}\"/>",
-         kStep_s, g.x(), g.y());
+         MjcfText::kStep_s, g.x(), g.y());
     Line(1, "<default><geom condim=\"3\" friction=\"{:.17g} 0 0\"/></default>", scene_.contact.mu);
-    WritePurposes(first);
+    text_.Purposes(first.purpose);
     Line(1, "<worldbody>");
     Line(2, "<light pos=\"0 -2 3\" dir=\"0 0.5 -1\"/>");
     for (const Obstacle<Plane>& obstacle : scene_.obstacles) WriteObstacle(obstacle);
     WriteShapes(2, -1);
     WriteChildren(2, -1);
     Line(1, "</worldbody>");
-    WriteActuators();
+    text_.Actuators(problem_, gains_);
     WriteStart(entry, std::isfinite(clearance) ? clearance : 0);
     Line(0, "</mujoco>");
-    return std::move(text_);
+    return text_.Take();
   }
 
  private:
   template <typename... Args>
   void Line(int indent, fmt::format_string<Args...> format, Args&&... args) {
-    text_.append(Index(2 * indent), ' ');
-    fmt::format_to(std::back_inserter(text_), format, std::forward<Args>(args)...);
-    text_ += '\n';
+    text_.Line(indent, format, std::forward<Args>(args)...);
   }
-
-  void WritePurposes(const PrimitiveFile& first) {
-    if (first.purpose.empty()) return;
-    Line(1, "<custom>");
-    for (const PurposeFigure& figure : first.purpose) {
-      Line(2, "<text name=\"{}\" data=\"{}\"/>", Escaped(figure.name()),
-           Escaped(figure.AskedAndGot(figure.result)));
-    }
-    Line(1, "</custom>");
-  }
+  static std::string Escaped(std::string_view text) { return MjcfText::Escaped(text); }
 
   /// The attributes of a shape that is no half-space.
   static std::string ShapeText(const Shape<Plane>& shape, double half_depth_m, bool obstacle) {
@@ -210,19 +189,6 @@ class Writer {
          inertia, inertia);
   }
 
-  void WriteActuators() {
-    Line(1, "<actuator>");
-    for (const ActuatedJoint& joint : problem_.joints) {
-      const std::string name = Escaped(robot_.tree.dofs[Index(joint.dof)].name);
-      const double most = joint.limits.torque_max_nm;
-      Line(2,
-           "<general name=\"{0}\" joint=\"{0}\" gainprm=\"1\" biastype=\"affine\" biasprm=\"0 "
-           "{1:.17g} {2:.17g}\" forcelimited=\"true\" forcerange=\"{3:.17g} {4:.17g}\"/>",
-           name, -gains_.kp_nm_per_rad, -gains_.kd_nm_s_per_rad, -most, most);
-    }
-    Line(1, "</actuator>");
-  }
-
   void WriteStart(const std::vector<double>& entry, double clearance_m) {
     std::string qpos, ctrl;
     for (const int dof : order_) {
@@ -242,7 +208,7 @@ class Writer {
   const Problem& problem_;
   const PlanarRobot& robot_;
   DriveGains gains_;
-  std::string text_;
+  MjcfText text_;
   std::vector<int> order_;  ///< Degrees of freedom as MuJoCo counts them.
 };
 
@@ -278,6 +244,7 @@ double ClearanceAt(const Scene& scene, std::span<const double> q) {
 }
 
 std::string ToMjcf(const SimulatedMotion& motion, const DriveGains& gains) {
+  if (motion.ProblemAt(motion.file().graph.start).space) return ToMjcfInSpace(motion, gains);
   return Writer(motion, gains).Text();
 }
 

@@ -24,8 +24,12 @@ double ClearanceAt(const Scene& scene, std::span<const double> q);
 /// velocity + feed-forward, which SetpointsCsv has ready. Shapes are those of contact; only their
 /// contacts with obstacles count, as in the plan. Contacts are MuJoCo's own, with its defaults; of
 /// ours only mu is in the file. The key frame `start` is the entry pose, lowered until it touches.
+///
+/// Of a robot in space the root is a body with a free joint, and shapes have their full extents.
 /// @param gains  of the drives.
 /// @throws FileError  when a primitive's texts cannot be used.
 std::string ToMjcf(const SimulatedMotion& motion, const DriveGains& gains);
+/// That of a robot in space.
+std::string ToMjcfInSpace(const SimulatedMotion& motion, const DriveGains& gains);
 
 }  // namespace tumbler

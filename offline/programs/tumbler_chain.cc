@@ -76,7 +76,7 @@ ExitStatus Check(const Arguments& arguments) {
     throw FileError(file.path, file.edge_lines[static_cast<std::size_t>(first_bad->edge)],
                     fmt::format("edge[{}]", first_bad->edge), Describe(file, *first_bad));
   }
-  const SimulatedMotion motion(file);
+  const SimulatedMotion motion(file, TaskSpaces::kPlaneAndSpace);
   RequireSameGround(motion);
   RequireOneRobot(motion);
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {

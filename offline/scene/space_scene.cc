@@ -167,6 +167,11 @@ void Tilt(SpaceRobot& robot, double slope_rad) {
 
 bool SameJoints(const SpaceScene& a, const SpaceScene& b) { return JointsAreAlike(a, b); }
 
+bool SameGround(const SpaceScene& a, const SpaceScene& b) {
+  return a.contact == b.contact && a.obstacles == b.obstacles &&
+         a.robot.tree.gravity == b.robot.tree.gravity;
+}
+
 const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spatial>& contact) {
   if (contact.obstacle < 0) return scene.robot.shapes[Index(contact.other_shape)].name;
   return scene.obstacles[Index(contact.obstacle)].name;

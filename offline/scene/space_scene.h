@@ -89,6 +89,9 @@ const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spat
 /// Whether the joints of two scenes with the same URDF are alike: motors and dampers.
 bool SameJoints(const SpaceScene& a, const SpaceScene& b);
 
+/// Whether the two have the same obstacles, contact and gravity.
+bool SameGround(const SpaceScene& a, const SpaceScene& b);
+
 /// Where the root's frame is, and the joints. In space no three numbers say how a root is turned
 /// without a singularity, so an orientation goes with them.
 struct SpacePose {

@@ -55,6 +55,12 @@ class Ranking {
         waypoint.time_s = problem.duration_s * k / (waypoints + 1.0);
       }
     }
+    // Half of the settle phase tells as much about a candidate, where no term looks at the rest.
+    double latest_s = 0;
+    for (const CostTerm& term : problem.cost)
+      if (term.when == CostTerm::When::kTime) latest_s = std::max(latest_s, term.time_s);
+    problem_.settle_s =
+        std::max(problem.settle_s / 2, std::min(problem.settle_s, latest_s - problem.duration_s));
     for (const CostInstant& instant : problem_.instants()) {
       for (std::size_t i = 0; i < problem_.cost.size(); ++i) {
         const CostTerm& term = problem_.cost[i];
@@ -114,14 +120,18 @@ class Campaign {
         ranking_(problem, search.waypoints, options.threads) {}
 
   SolveOutcome Run() {
-    for (int attempt = 0; attempt < search_.attempts && !interrupted(); ++attempt) {
-      std::vector<double> found = StartOf(attempt);
-      const bool arrived = Search(found, attempt);
+    const int attempts = ranking_.has_waypoints() ? search_.led_attempts : search_.attempts;
+    for (int attempt = 0; attempt < attempts && !interrupted(); ++attempt) {
+      Attempt search = Begin(attempt);
+      SearchOn(search, search_.worth);
       if (interrupted()) break;
       // Something has to be said of what was found at last.
-      if (!arrived && attempt + 1 < search_.attempts) continue;
-      found = paths_.Expand(found);
-      if (Solve(found, attempt)) break;
+      if (search.led && attempt + 1 < attempts) continue;
+      if (Solve(paths_.Expand(search.motion), attempt)) break;
+      // What was on target and yet is not as asked may be so a little further on.
+      if (!search.good() || interrupted()) continue;
+      SearchOn(search, kGain);
+      if (!interrupted() && Solve(paths_.Expand(search.motion), attempt)) break;
     }
     return Collect();
   }
@@ -165,59 +175,93 @@ class Campaign {
   }
 
   /// Where an attempt begins: the first one with the straight line from start to end, and each one
-  /// where waypoints lead on from there.
-  [[nodiscard]] std::vector<double> StartOf(int attempt) const {
-    if (attempt > 0 && !ranking_.has_waypoints())
-      return paths_.Reduce(starts_.Draw(static_cast<std::uint64_t>(attempt)));
+  /// that waypoints lead with the best of many random motions.
+  std::vector<double> StartOf(int attempt) {
+    const auto draw = [this](int sample) {
+      return paths_.Reduce(starts_.Draw(static_cast<std::uint64_t>(sample)));
+    };
+    if (ranking_.has_waypoints()) {
+      std::vector<double> ranks(Index(search_.draws));
+      ParallelFor(search_.draws, options_.threads, [&](int i, int thread) {
+        ranks[Index(i)] = RankOf(CostsOf(draw(attempt * search_.draws + i), thread), true);
+      });
+      searched_ += search_.draws;
+      const auto lowest = std::ranges::min_element(ranks);
+      return draw(attempt * search_.draws + static_cast<int>(lowest - ranks.begin()));
+    }
+    if (attempt > 0) return draw(attempt);
     Problem calm = problem_;
     calm.search.spread_rad = 0;
     return paths_.Reduce(RandomStarts(calm).Draw(0));
   }
 
-  /// Moves a motion to the best that CMA-ES finds from there.
-  /// @returns whether it may be solved on: not where it has never left its waypoints.
-  bool Search(std::vector<double>& motion, int attempt) {
-    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(attempt);
-    CmaEs cma(motion, search_.sigma_rad, search_.population, seed);
-    bool led = ranking_.has_waypoints();
-    Ranking::Costs best = CostsOf(motion, 0);
-    const double enough = search_.near * best.missed;
-    double before = RankOf(best, led);
+  /// A search from one start, as far as it has come.
+  struct Attempt {
+    int number = 0;
+    CmaEs cma;
+    bool led = false;            ///< Whether waypoints still count.
+    std::vector<double> motion;  ///< The best, by what is free of its paths, within bounds.
+    Ranking::Costs best;         ///< Of that motion.
+    double enough = 0;           ///< What a motion near its targets misses them by, at most.
+    int generation = 0;
+
+    /// Whether it is on target and keeps its limits, by the coarse simulation.
+    [[nodiscard]] bool good() const { return best.on_target && best.penalty < kNoPenalty; }
+  };
+
+  Attempt Begin(int number) {
+    std::vector<double> start = StartOf(number);
+    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(number);
+    const int population =
+        std::clamp(3 * static_cast<int>(start.size()) / 4, 8, std::max(8, search_.population));
+    CmaEs cma(start, search_.sigma_rad, population, seed);
+    const Ranking::Costs costs = CostsOf(start, 0);
+    return {number,
+            std::move(cma),
+            ranking_.has_waypoints(),
+            Inside(std::move(start)),
+            costs,
+            search_.near * costs.missed};
+  }
+
+  /// Goes on by CMA-ES until nothing is gained any more.
+  /// @param worth  the part by which half of the patience has to lower the rank of a motion that is
+  /// good already.
+  void SearchOn(Attempt& at, double worth) {
+    double before = RankOf(at.best, at.led);
     int generations = 0;  // since then
-    for (int g = 0; g < search_.generations && !interrupted(); ++g) {
-      const std::vector<std::vector<double>> candidates = cma.Ask();
+    for (; at.generation < search_.generations && !interrupted(); ++at.generation) {
+      const std::vector<std::vector<double>> candidates = at.cma.Ask();
       std::vector<Ranking::Costs> costs(candidates.size());
       ParallelFor(static_cast<int>(candidates.size()), options_.threads, [&](int i, int thread) {
         costs[Index(i)] = CostsOf(candidates[Index(i)], thread);
       });
       const auto near = std::ranges::count_if(
-          costs, [enough](const Ranking::Costs& of) { return of.missed < enough; });
+          costs, [&at](const Ranking::Costs& of) { return of.missed < at.enough; });
       // One that comes near may be alone among many that fall back.
-      if (led && static_cast<double>(near) >= search_.most * static_cast<double>(costs.size())) {
-        led = false;
-        best = {kWorst};
-        before = RankOf(best, led);
+      if (at.led && static_cast<double>(near) >= search_.most * static_cast<double>(costs.size())) {
+        at.led = false;
+        at.best = {kWorst};
+        before = RankOf(at.best, at.led);
         generations = 0;
       }
       std::vector<double> ranks;
-      for (const Ranking::Costs& of : costs) ranks.push_back(RankOf(of, led));
-      cma.Tell(ranks);
+      for (const Ranking::Costs& of : costs) ranks.push_back(RankOf(of, at.led));
+      at.cma.Tell(ranks);
       searched_ += static_cast<std::int64_t>(ranks.size());
       const auto lowest = std::ranges::min_element(ranks);
-      if (*lowest < RankOf(best, led)) {
-        best = costs[static_cast<std::size_t>(lowest - ranks.begin())];
-        motion = candidates[static_cast<std::size_t>(lowest - ranks.begin())];
+      if (*lowest < RankOf(at.best, at.led)) {
+        at.best = costs[static_cast<std::size_t>(lowest - ranks.begin())];
+        at.motion = Inside(candidates[static_cast<std::size_t>(lowest - ranks.begin())]);
       }
-      Tell({true, attempt, searched_, RankOf(best, led), 0});
+      Tell({true, at.number, searched_, RankOf(at.best, at.led), 0});
       // What is as asked is solved on faster than it is searched on.
-      const bool good = best.on_target && best.penalty < kNoPenalty;
-      if (++generations < (good ? search_.patience / 2 : search_.patience)) continue;
-      if (!(RankOf(best, led) < (1 - (good ? search_.worth : kGain)) * before)) break;
-      before = RankOf(best, led);
+      if (++generations < (at.good() || at.led ? search_.patience / 2 : search_.patience)) continue;
+      const double least = at.led ? search_.led : at.good() ? worth : kGain;
+      if (!(RankOf(at.best, at.led) < (1 - least) * before)) break;
+      before = RankOf(at.best, at.led);
       generations = 0;
     }
-    motion = Inside(motion);
-    return !led;
   }
 
   /// Solves a motion on with the solver's steps. @returns whether it is as asked.
@@ -238,22 +282,29 @@ class Campaign {
         ranking_.has_waypoints() ? search_.box_rad : std::numeric_limits<double>::infinity();
     Solution solution = SolveFrom(problem, from, search_.screen_evaluations, screen, local,
                                   &history, Digits::kAll, box_rad);
-    const int before = solution.evaluations;
+    const double start_cost = solution.start_cost;
+    int evaluations = solution.evaluations;
     if (!interrupted() && solution.rollout.finite) {
       Rollout fine(problem, problem.solver.step_s);
-      const double start_cost = solution.start_cost;
-      const int left = std::max(1, problem.solver.max_evaluations - before);
-      solution =
-          SolveFrom(problem, solution.x, prove ? left : std::min(left, search_.finish_evaluations),
-                    fine, local, &history, Digits::kAll, box_rad);
+      const auto solve_on = [&](double box) {
+        const int left = std::max(1, problem.solver.max_evaluations - evaluations);
+        solution = SolveFrom(problem, solution.x,
+                             prove ? left : std::min(left, search_.finish_evaluations), fine, local,
+                             &history, Digits::kAll, box);
+        evaluations += solution.evaluations;
+      };
+      solve_on(box_rad);
+      // SLSQP may find no way on from a motion that breaks a limit by little.
+      if (!solution.feasible() && solution.constraint_violation < search_.little && !interrupted())
+        solve_on(search_.box_rad);
       const bool unproved = solution.end == SolveEnd::kEvaluations ||
                             solution.end == SolveEnd::kStalled ||
                             solution.kkt.relative.value_or(1) > problem.solver.kkt_residual;
       if (!prove && unproved && solution.feasible()) solution.end = SolveEnd::kUnproved;
-      solution.evaluations += before;
       solution.start_cost = start_cost;
       solution.finished = true;
     }
+    solution.evaluations = evaluations;
     solution.start = attempt;
     if (solution.finished && solution.feasible() && options_.accept && !interrupted())
       solution.refused = !options_.accept(solution);

@@ -29,7 +29,7 @@ namespace {
 
 int CountTurn(bool with_gradient) {
   Problem problem =
-      LoadTask(testing::SourcePath("primitives/solo12/tasks/turn.toml"), TaskSpaces::kPlaneAndSpace)
+      LoadTask(testing::SourcePath("primitives/solo12/tasks/nominal/turn.toml"), TaskSpaces::kPlaneAndSpace)
           .problem;
   problem.search.spread_rad = 0.2;
   const std::vector<double> x = RandomStarts(problem).Draw(1);

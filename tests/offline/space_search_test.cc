@@ -314,7 +314,7 @@ TEST(MotionInSpace, ProgramsThatDoNotTakeItYetSaySo) {
   testing::WriteFile(path, ToToml(*TheResult().file));
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
            {"tumbler", "robustness", path, "--lanes"},
-           {"tumbler", "export", path, "--mjcf", (folder.path() / "robot.xml").string()}}) {
+           {"tumbler", "chain", "simulate", path}}) {
     const Outcome outcome = RunProgram(command);
     EXPECT_NE(outcome.exit_code, 0) << command[1];
     EXPECT_THAT(outcome.text, HasSubstr("space")) << command[1];

@@ -363,6 +363,23 @@ TEST_F(SoloWalks, OnAndOnInASequence) {
                                       "the plane so far"));
 }
 
+TEST(Solo12, GetsUpFromItsBackTurnsAndWalksInOneSequence) {
+  const std::string sequence = SourcePath("primitives/solo12/get_up_turn_walk.toml");
+  const testing::Outcome fits = testing::RunProgram({"tumbler", "chain", "check", sequence});
+  EXPECT_EQ(fits.exit_code, 0) << fits.text;
+  EXPECT_THAT(fits.text, HasSubstr("3 nodes, 3 joins, all fit"));
+  const testing::TemporaryFolder folder;
+  const std::string record = (folder.path() / "run.rec").string();
+  const testing::Outcome run = testing::RunProgram({"tumbler", "run", "sim", sequence, "--drives",
+                                                    SourcePath("primitives/solo12/drives.toml"),
+                                                    "--cycles", "2", "--record", record});
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("4 motions, 2 complete cycles; the robot where it should be"));
+  const testing::Outcome again = testing::RunProgram({"tumbler", "replay", record});
+  EXPECT_EQ(again.exit_code, 0) << again.text;
+  EXPECT_THAT(again.text, HasSubstr("identical"));
+}
+
 TEST_F(SoloWalks, StepsThatContactDoesNotBearAreWarnedOf) {
   const SimulatedMotion motion(LoadMotion(walk_), TaskSpaces::kPlaneAndSpace);
   const Problem& problem = motion.problem();
