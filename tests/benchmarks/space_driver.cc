@@ -28,9 +28,9 @@ namespace {
 }
 
 int CountTurn(bool with_gradient) {
-  Problem problem =
-      LoadTask(testing::SourcePath("primitives/solo12/tasks/nominal/turn.toml"), TaskSpaces::kPlaneAndSpace)
-          .problem;
+  Problem problem = LoadTask(testing::SourcePath("primitives/solo12/tasks/nominal/turn.toml"),
+                             TaskSpaces::kPlaneAndSpace)
+                        .problem;
   problem.search.spread_rad = 0.2;
   const std::vector<double> x = RandomStarts(problem).Draw(1);
   const double step_s = problem.solver.step_s;
