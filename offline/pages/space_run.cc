@@ -65,7 +65,12 @@ void AddFacts(const RunData& run, SpaceMotionPage& page) {
 SpaceMotionPage MakeSpaceRunPage(const RunData& run, const FlightReportOptions& options) {
   const SpaceRun& space = *run.space;
   SpaceMotionPage page;
-  page.title = run.bands.empty() ? run.name : run.bands.front().name;
+  for (const RunBand& band : run.bands) {
+    const bool again = std::ranges::any_of(
+        run.bands, [&](const RunBand& other) { return &other < &band && other.name == band.name; });
+    if (!again) page.title += (page.title.empty() ? "" : ", ") + band.name;
+  }
+  if (page.title.empty()) page.title = run.name;
   page.subtitle = "run " + run.name;
   page.bodies = space.bodies;
   page.obstacles = space.obstacles;

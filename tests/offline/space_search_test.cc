@@ -314,7 +314,8 @@ TEST(MotionInSpace, ProgramsThatDoNotTakeItYetSaySo) {
   testing::WriteFile(path, ToToml(*TheResult().file));
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
            {"tumbler", "robustness", path, "--lanes"},
-           {"tumbler", "chain", "simulate", path}}) {
+           {"tumbler", "chain", "simulate",
+            SourcePath("primitives/solo12/get_up_turn_walk.toml")}}) {
     const Outcome outcome = RunProgram(command);
     EXPECT_NE(outcome.exit_code, 0) << command[1];
     EXPECT_THAT(outcome.text, HasSubstr("space")) << command[1];

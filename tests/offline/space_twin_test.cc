@@ -378,6 +378,10 @@ TEST(Solo12, GetsUpFromItsBackTurnsAndWalksInOneSequence) {
   const testing::Outcome again = testing::RunProgram({"tumbler", "replay", record});
   EXPECT_EQ(again.exit_code, 0) << again.text;
   EXPECT_THAT(again.text, HasSubstr("identical"));
+  const std::string page = (folder.path() / "page.html").string();
+  const testing::Outcome viewed = testing::RunProgram({"tumbler", "view", record, "--out", page});
+  EXPECT_EQ(viewed.exit_code, 0) << viewed.text;
+  EXPECT_THAT(ReadFile(page), HasSubstr("<h1 id=\"title\">get_up, turn, walk</h1>"));
 }
 
 TEST_F(SoloWalks, StepsThatContactDoesNotBearAreWarnedOf) {
