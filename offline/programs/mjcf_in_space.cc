@@ -71,7 +71,13 @@ class SpaceWriter {
  private:
   /// How far the lowest point is above what the robot stands on; 0 where there is nothing.
   [[nodiscard]] double ClearanceAt(const SpacePose& entry) const {
-    return scene_.obstacles.empty() ? 0 : entry.q[2] - TouchingHeight(scene_, entry);
+    if (scene_.obstacles.empty()) return 0;
+    // Rigid ground begins at the surface, not with the compliant layer above it.
+    constexpr double kNoLayer_m = 1e-9;
+    SpaceScene rigid = scene_;
+    rigid.contact.d_on_m = kNoLayer_m;
+    rigid.contact.d_off_m = kNoLayer_m / 2;
+    return entry.q[2] - TouchingHeight(rigid, entry);
   }
 
   static std::string ShapeText(const Shape<Spatial>& shape) {

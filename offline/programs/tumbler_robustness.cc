@@ -18,6 +18,7 @@
 #include "common/files/program.h"
 #include "common/files/progress_line.h"
 #include "common/files/result_file.h"
+#include "common/files/sequence_toml.h"
 #include "offline/pages/page_file.h"
 #include "offline/studies/certify.h"
 #include "offline/studies/robustness_page.h"
@@ -359,7 +360,13 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
-  if (IsMotionInSpace(arguments.study.motion)) return PlayInSpace(line, arguments);
+  const std::string& motion = arguments.study.motion;
+  if (IsMotionInSpace(motion)) return PlayInSpace(line, arguments);
+  if (LoadMotion(motion).primitives.front().entry.is_in_space()) {
+    throw FileError(motion, 0, "",
+                    "is a sequence of a robot in space, of which only single primitives are played "
+                    "here so far; give one of them, or play the sequence with tumbler run sim");
+  }
   if (line.Given("--period-s"))
     throw UsageError("--period-s", "is for motions of robots in space; this one is in the plane");
   if (arguments.window) CheckWindow(line);

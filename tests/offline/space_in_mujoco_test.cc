@@ -264,6 +264,11 @@ TEST(ExportedInSpace, MovesAsTheRobotThatMuJoCoReadsFromItsUrdf) {
     EXPECT_EQ(data->qpos[exported->jnt_qposadr[joint]], file.entry.joint_positions_rad[j]);
   }
   EXPECT_NEAR(std::abs(data->qpos[4]), 1, 1e-3) << "on its back";
+  // Its base just touches the ground.
+  mj_forward(exported.get(), data.get());
+  const int base = mj_name2id(exported.get(), mjOBJ_GEOM, "base_link/0");
+  const double lowest = data->geom_xpos[3 * base + 2] - exported->geom_size[3 * base + 2];
+  EXPECT_NEAR(lowest, 0, 1e-5);
 }
 
 TEST_P(SpaceInMuJoCo, DoesWhatItIsForInFourOfFiveRobotsAndMore) {

@@ -314,6 +314,8 @@ TEST(MotionInSpace, ProgramsThatDoNotTakeItYetSaySo) {
   testing::WriteFile(path, ToToml(*TheResult().file));
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
            {"tumbler", "robustness", path, "--lanes"},
+           {"tumbler", "robustness", SourcePath("primitives/solo12/get_up_turn_walk.toml"),
+            "--period-s", "0.0034"},
            {"tumbler", "chain", "simulate",
             SourcePath("primitives/solo12/get_up_turn_walk.toml")}}) {
     const Outcome outcome = RunProgram(command);
