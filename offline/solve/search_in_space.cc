@@ -124,7 +124,11 @@ class Campaign {
     for (int attempt = 0; attempt < attempts && !interrupted(); ++attempt) {
       Attempt search = Begin(attempt);
       SearchOn(search, search_.worth);
-      if (interrupted()) break;
+      if (interrupted()) {
+        // Who keeps the best motion has this one at least, as it is.
+        if (solutions_.empty()) Solve(paths_.Expand(search.motion), attempt);
+        break;
+      }
       // Something has to be said of what was found at last.
       if (search.led && attempt + 1 < attempts) continue;
       if (Solve(paths_.Expand(search.motion), attempt)) break;

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -105,6 +108,22 @@ TEST(OnItsBack, ARobotOfTwoArmsTurnsOver) {
   const TaskResult again = WorkOn(task, settings);
   ASSERT_TRUE(again.file);
   EXPECT_EQ(ContentHash(*again.file), ContentHash(*result.file));
+}
+
+TEST(OnItsBack, ASearchThatIsInterruptedHasItsBestMotionAsItIs) {
+  const Task task =
+      ParseTask(kGetUp, "get_up.toml", kTurtle, "turtle.urdf", TaskSpaces::kPlaneAndSpace);
+  std::atomic<bool> interrupt = false;
+  SolveOptions options;
+  options.threads = 1;
+  options.interrupt = &interrupt;
+  options.progress = [&interrupt](const Evaluation& /*evaluation*/) { interrupt = true; };
+  const SolveOutcome outcome = SolveInSpace(task.problem, options);
+  EXPECT_TRUE(outcome.interrupted);
+  ASSERT_EQ(outcome.solutions.size(), 1U);
+  EXPECT_FALSE(outcome.solutions.front().finished);
+  EXPECT_EQ(outcome.solutions.front().x.size(),
+            static_cast<std::size_t>(task.problem.parameter_count()));
 }
 
 class GetsUp : public ::testing::TestWithParam<int> {};
