@@ -112,12 +112,9 @@ class RobustSearch {
     return robots;
   }
 
-  [[nodiscard]] std::vector<double> Inside(std::vector<double> x) const {
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Interval<double> bounds = problem_.bounds_of_parameter(static_cast<int>(i));
-      x[i] = std::clamp(x[i], bounds.min, bounds.max);
-    }
-    return x;
+  /// The nearest motion within the limits of position, whose ties hold.
+  [[nodiscard]] std::vector<double> Inside(const std::vector<double>& x) const {
+    return paths_.Expand(paths_.Inside(paths_.Reduce(x)));
   }
 
   /// What the model exceeds its limits by, as the sum of squares of parts of them.

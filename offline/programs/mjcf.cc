@@ -138,17 +138,12 @@ class Writer {
       text += fmt::format(" type=\"slide\" axis=\"{:.17g} 0 {:.17g}\"", joint.direction.x(),
                           joint.direction.y());
     }
-    const RobotJointLimits& limits = robot_.limits[Index(dof)];
-    if (std::isfinite(limits.lower_rad) && std::isfinite(limits.upper_rad)) {
-      text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", limits.lower_rad,
-                          limits.upper_rad);
-    }
-    text += fmt::format(" armature=\"{:.17g}\" damping=\"{:.17g}\"", joint.rotor_inertia_kg_m2,
-                        joint.damping_nm_s_per_rad);
+    double dry_friction_nm = 0;
     for (std::size_t j = 0; j < scene_.motors.size(); ++j) {
-      if (robot_.DofOfJoint(j) == Index(dof) && scene_.motors[j].dry_friction_nm > 0)
-        text += fmt::format(" frictionloss=\"{:.17g}\"", scene_.motors[j].dry_friction_nm);
+      if (robot_.DofOfJoint(j) == Index(dof)) dry_friction_nm = scene_.motors[j].dry_friction_nm;
     }
+    text += MjcfText::JointAttributes(robot_.limits[Index(dof)], joint.rotor_inertia_kg_m2,
+                                      joint.damping_nm_s_per_rad, dry_friction_nm);
     for (const PassiveJoint& passive : robot_.passive) {
       if (passive.dof != dof) continue;
       text += fmt::format(" stiffness=\"{:.17g}\" springref=\"{:.17g}\"",

@@ -115,17 +115,12 @@ class SpaceWriter {
     std::string text =
         fmt::format("<joint name=\"{}\" type=\"{}\" axis=\"{}\"", MjcfText::Escaped(joint.name),
                     turns ? "hinge" : "slide", Numbers(turns ? joint.axis : joint.direction));
-    const RobotJointLimits& limits = robot_.limits[dof];
-    if (std::isfinite(limits.lower_rad) && std::isfinite(limits.upper_rad)) {
-      text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", limits.lower_rad,
-                          limits.upper_rad);
-    }
-    text += fmt::format(" armature=\"{:.17g}\" damping=\"{:.17g}\"", joint.rotor_inertia_kg_m2,
-                        joint.damping_nm_s_per_rad);
+    double dry_friction_nm = 0;
     for (std::size_t j = 0; j < scene_.motors.size(); ++j) {
-      if (robot_.DofOfJoint(j) == dof && scene_.motors[j].dry_friction_nm > 0)
-        text += fmt::format(" frictionloss=\"{:.17g}\"", scene_.motors[j].dry_friction_nm);
+      if (robot_.DofOfJoint(j) == dof) dry_friction_nm = scene_.motors[j].dry_friction_nm;
     }
+    text += MjcfText::JointAttributes(robot_.limits[dof], joint.rotor_inertia_kg_m2,
+                                      joint.damping_nm_s_per_rad, dry_friction_nm);
     text_.Line(indent, "{}/>", text);
   }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <iterator>
 #include <string>
 #include <string_view>
@@ -35,6 +36,20 @@ class MjcfText {
     for (const char c : MarkupText(text))
       out += c == '-' && out.ends_with('-') ? " -" : std::string(1, c);
     return out;
+  }
+
+  /// The attributes of a joint that both kinds of robots have.
+  static std::string JointAttributes(const RobotJointLimits& limits, double rotor_inertia_kg_m2,
+                                     double damping_nm_s_per_rad, double dry_friction_nm) {
+    std::string text;
+    if (std::isfinite(limits.lower_rad) && std::isfinite(limits.upper_rad)) {
+      text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", limits.lower_rad,
+                          limits.upper_rad);
+    }
+    text += fmt::format(" armature=\"{:.17g}\" damping=\"{:.17g}\"", rotor_inertia_kg_m2,
+                        damping_nm_s_per_rad);
+    if (dry_friction_nm > 0) text += fmt::format(" frictionloss=\"{:.17g}\"", dry_friction_nm);
+    return text;
   }
 
   /// What a motion is for, for people.

@@ -31,6 +31,12 @@ FreePaths::FreePaths(const Problem& problem) : sources_(Index(problem.parameter_
   }
 }
 
+std::vector<double> FreePaths::Inside(std::vector<double> y) const {
+  for (std::size_t i = 0; i < y.size(); ++i)
+    y[i] = std::clamp(y[i], bounds_[i].min, bounds_[i].max);
+  return y;
+}
+
 std::vector<double> FreePaths::Expand(std::span<const double> y) const {
   std::vector<double> x;
   for (const Source& source : sources_) x.push_back(source.factor * y[source.of]);

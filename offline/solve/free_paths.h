@@ -21,6 +21,8 @@ class FreePaths {
   [[nodiscard]] std::size_t count() const { return bounds_.size(); }
   /// What each of them may be, for every joint that it moves.
   [[nodiscard]] Interval<double> bounds(std::size_t i) const { return bounds_[i]; }
+  /// The nearest y within those bounds.
+  [[nodiscard]] std::vector<double> Inside(std::vector<double> y) const;
   /// The parameters that y stands for.
   [[nodiscard]] std::vector<double> Expand(std::span<const double> y) const;
   /// The y of parameters, as the joints that are tied to none have them.

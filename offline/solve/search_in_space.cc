@@ -153,7 +153,7 @@ class Campaign {
   /// What a candidate costs.
   /// @param y  what is free of its paths.
   Ranking::Costs CostsOf(const std::vector<double>& y, int thread) {
-    const std::vector<double> inside = Inside(y);
+    const std::vector<double> inside = paths_.Inside(y);
     Ranking::Costs costs = ranking_.Of(paths_.Expand(inside), thread);
     for (std::size_t i = 0; i < y.size(); ++i)
       costs.penalty += (y[i] - inside[i]) * (y[i] - inside[i]);
@@ -170,12 +170,6 @@ class Campaign {
     // The targets weigh as much as they did together with their waypoints, so that motions which
     // came through these still rank far before the others.
     return costs.own + search_.waypoints * costs.missed + costs.penalty;
-  }
-
-  [[nodiscard]] std::vector<double> Inside(std::vector<double> y) const {
-    for (std::size_t i = 0; i < y.size(); ++i)
-      y[i] = std::clamp(y[i], paths_.bounds(i).min, paths_.bounds(i).max);
-    return y;
   }
 
   /// Where an attempt begins: the first one with the straight line from start to end, and each one
@@ -223,7 +217,7 @@ class Campaign {
     return {number,
             std::move(cma),
             ranking_.has_waypoints(),
-            Inside(std::move(start)),
+            paths_.Inside(std::move(start)),
             costs,
             search_.near * costs.missed};
   }
@@ -256,7 +250,7 @@ class Campaign {
       const auto lowest = std::ranges::min_element(ranks);
       if (*lowest < RankOf(at.best, at.led)) {
         at.best = costs[static_cast<std::size_t>(lowest - ranks.begin())];
-        at.motion = Inside(candidates[static_cast<std::size_t>(lowest - ranks.begin())]);
+        at.motion = paths_.Inside(candidates[static_cast<std::size_t>(lowest - ranks.begin())]);
       }
       Tell({true, at.number, searched_, RankOf(at.best, at.led), 0});
       // What is as asked is solved on faster than it is searched on.

@@ -88,9 +88,20 @@ kd_nm_s_per_rad = 0.3
 )";
 }
 
-Task Shift() {
-  return ParseTask(ShiftTask(), "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
+Task Parsed(const std::string& text) {
+  return ParseTask(text, "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
                    "solo8.urdf", TaskSpaces::kPlaneAndSpace);
+}
+Task Shift() { return Parsed(ShiftTask()); }
+
+/// What is wrong with such a task; empty: nothing.
+std::string MistakeIn(const std::string& text) {
+  try {
+    Parsed(text);
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "";
 }
 
 WorkSettings Quietly(int threads) {
@@ -326,29 +337,20 @@ TEST(MotionInSpace, ProgramsThatDoNotTakeItYetSaySo) {
 }
 
 TEST(SpaceTask, NamesWhatIsForThePlane) {
-  const std::string robot = ReadFile(SourcePath("primitives/solo8/solo8.urdf"));
-  const auto message = [&robot](const std::string& text) -> std::string {
-    try {
-      ParseTask(text, "shift.toml", robot, "solo8.urdf", TaskSpaces::kPlaneAndSpace);
-    } catch (const FileError& error) {
-      return error.what();
-    }
-    return "";
-  };
-  EXPECT_EQ(message(ShiftTask()), "");
-  EXPECT_THAT(message(ShiftTask() + "[robust]\nzero_rad = 0.05\n"),
+  EXPECT_EQ(MistakeIn(ShiftTask()), "");
+  EXPECT_THAT(MistakeIn(ShiftTask() + "[robust]\nzero_rad = 0.05\n"),
               HasSubstr("zero_rad: is not a key"));
-  EXPECT_EQ(message(ShiftTask() + "[robust]\nfriction = { factor = 2.0 }\n"), "");
+  EXPECT_EQ(MistakeIn(ShiftTask() + "[robust]\nfriction = { factor = 2.0 }\n"), "");
+  EXPECT_THAT(MistakeIn(testing::Replaced(ShiftTask(), "settle_s = 0.2",
+                                          "settle_s = 0.2\nslope_rad = 0.1")),
+              HasSubstr("normal of an [[obstacle]]"));
   EXPECT_THAT(
-      message(testing::Replaced(ShiftTask(), "settle_s = 0.2", "settle_s = 0.2\nslope_rad = 0.1")),
-      HasSubstr("normal of an [[obstacle]]"));
-  EXPECT_THAT(
-      message(testing::Replaced(ShiftTask(), "axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, 0.0]")),
+      MistakeIn(testing::Replaced(ShiftTask(), "axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, 0.0]")),
       HasSubstr("no direction"));
-  EXPECT_THAT(message(testing::Replaced(ShiftTask(), "[start]",
-                                        "[start]\nquaternion = [1.0, 1.0, 0.0, 0.0]")),
+  EXPECT_THAT(MistakeIn(testing::Replaced(ShiftTask(), "[start]",
+                                          "[start]\nquaternion = [1.0, 1.0, 0.0, 0.0]")),
               HasSubstr("unit quaternion"));
-  EXPECT_THAT(message(testing::Replaced(ShiftTask(), "[start]", "[start]\npitch_rad = 1.0")),
+  EXPECT_THAT(MistakeIn(testing::Replaced(ShiftTask(), "[start]", "[start]\npitch_rad = 1.0")),
               HasSubstr("pitch_rad"));
 }
 
@@ -359,10 +361,7 @@ std::string TiedTask(const std::string& tied = R"(HL_HFE = "-FL_HFE", HL_KFE = "
                            "settle_s = 0.2\ntied = { " + tied + " }");
 }
 
-Task Tied() {
-  return ParseTask(TiedTask(), "shift.toml", ReadFile(SourcePath("primitives/solo8/solo8.urdf")),
-                   "solo8.urdf", TaskSpaces::kPlaneAndSpace);
-}
+Task Tied() { return Parsed(TiedTask()); }
 
 TEST(TiedJoints, MoveAsTheOthersDoAndTheSearchLooksForTheseAlone) {
   const Task task = Tied();
@@ -420,29 +419,23 @@ TEST(TiedJoints, AreWithinTheLimitsOfEachOfThem) {
   EXPECT_EQ(x[static_cast<std::size_t>(problem.first_parameter(problem.tied.front().joint))],
             -0.25);
   EXPECT_EQ(paths.Reduce(x), y);
+  y[leader] = -1;
+  EXPECT_EQ(paths.Inside(y)[leader], -0.5);
 }
 
 TEST(TiedJoints, ThatCannotFollowAreRefused) {
-  const std::string robot = ReadFile(SourcePath("primitives/solo8/solo8.urdf"));
-  const auto message = [&robot](const std::string& text) -> std::string {
-    try {
-      ParseTask(text, "shift.toml", robot, "solo8.urdf", TaskSpaces::kPlaneAndSpace);
-    } catch (const FileError& error) {
-      return error.what();
-    }
-    return "";
-  };
-  EXPECT_EQ(message(TiedTask()), "");
-  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "FL_HFE")")),
+  EXPECT_EQ(MistakeIn(TiedTask()), "");
+  EXPECT_THAT(MistakeIn(TiedTask(R"(HL_HFE = "FL_HFE")")),
               HasSubstr("tied.HL_HFE: is tied to 'FL_HFE', and its start is -0.8 rad where that "
                         "needs 0.8"));
-  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "-FL_KNEE")")),
+  EXPECT_THAT(MistakeIn(TiedTask(R"(HL_HFE = "-FL_KNEE")")),
               HasSubstr("allowed: another joint that is tied to none"));
-  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "HL_HFE")")), HasSubstr("allowed: another joint"));
-  EXPECT_THAT(message(TiedTask(R"(HL_HFE = "-FL_HFE", FL_HFE = "FR_HFE")")),
+  EXPECT_THAT(MistakeIn(TiedTask(R"(HL_HFE = "HL_HFE")")), HasSubstr("allowed: another joint"));
+  EXPECT_THAT(MistakeIn(TiedTask(R"(HL_HFE = "-FL_HFE", FL_HFE = "FR_HFE")")),
               HasSubstr("allowed: another joint that is tied to none"));
-  EXPECT_THAT(message(TiedTask(R"(HL_KNEE = "FL_HFE")")), HasSubstr("is not a joint of the robot"));
-  EXPECT_THAT(message(testing::Replaced(
+  EXPECT_THAT(MistakeIn(TiedTask(R"(HL_KNEE = "FL_HFE")")),
+              HasSubstr("is not a joint of the robot"));
+  EXPECT_THAT(MistakeIn(testing::Replaced(
                   TiedTask(), "control_points = 7",
                   "control_points = { FL_HFE = 8, FL_KFE = 7, FR_HFE = 7, FR_KFE = 7, HL_HFE = 7, "
                   "HL_KFE = 7, HR_HFE = 7, HR_KFE = 7 }")),
