@@ -13,9 +13,10 @@ inline namespace TUMBLER_LANES_NAMESPACE {
 template <class S>
 class LaneContact {
  public:
-  /// @param lanes  those of the robots that S has.
-  template <class P>
-  LaneContact(const LaneModel& model, const LaneRobot<P>& robot, LanesFrom<S> lanes)
+  /// @param model, robot  LaneModel and LaneRobot, or those in space.
+  /// @param lanes         those of the robots that S has.
+  template <class Model, class Robot>
+  LaneContact(const Model& model, const Robot& robot, LanesFrom<S> lanes)
       : smoothing_(model.smoothing),
         damping_law_(model.damping_law),
         k_(lanes(robot.stiffness)),
@@ -42,11 +43,25 @@ class LaneContact {
 
   /// The force of friction under a normal force, along the slip [m/s].
   [[nodiscard]] S Friction(const S& N, const S& slip) const {
-    const bool pulls = damping_law() != ContactDamping::kNoPull;
-    return mu_ * (pulls ? Max(N, -N) : N) * FrictionShare(slip * per_v_max_);
+    return Limit(N) * FrictionShare(slip * per_v_max_);
+  }
+  /// The same as a vector is against the slip's, and so much for a unit of it [N s/m].
+  /// @param square  of the slip [m^2/s^2].
+  [[nodiscard]] S FrictionPerSpeed(const S& N, const S& square) const {
+    const S part = square * (per_v_max_ * per_v_max_);
+    const auto full = S(1) < part;
+    const S per_slip =
+        Select(full, S(1) / Sqrt(Select(full, part, S(1))), tumbler::FrictionPerSlip(part));
+    return Limit(N) * per_slip * per_v_max_;
   }
 
  private:
+  /// The force of friction that is full.
+  [[nodiscard]] S Limit(const S& N) const {
+    const bool pulls = damping_law() != ContactDamping::kNoPull;
+    return mu_ * (pulls ? Max(N, -N) : N);
+  }
+
   ContactSmoothing smoothing_;
   ContactDamping damping_law_;
   S k_, c_, mu_, d_on_, per_d_on_, per_width_, per_bend_, per_v_max_;

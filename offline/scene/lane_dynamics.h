@@ -31,12 +31,45 @@ inline namespace TUMBLER_LANES_NAMESPACE {
 template <class S, class P = S, class Tree = AnyTree>
 class LaneDynamics {
  public:
+  using Model = LaneModel;
+  using Robot = LaneRobot<P>;
+  using State = LaneState<S>;
+  using StoredState = LaneState<P>;
   using Numbers = std::array<S, LaneModel::kMaxDofs>;
+  /// x, z and pitch of the root.
+  static constexpr std::size_t kRootDofs = 3;
+  /// Whether plans add up the work of motors.
+  static constexpr bool kHasWork = false;
 
   /// @param lanes  of the robots, as many as S has.
   LaneDynamics(const LaneModel& model, const LaneRobot<P>& robot,
                LanesFrom<S> lanes = LanesFrom<S>(0))
       : m_(model), r_(robot), lanes_(lanes), tree_(model), law_(model, robot, lanes) {}
+
+  /// A state of the robots, as it is stored, and back; without what drives see and exert.
+  [[nodiscard]] LaneState<S> Taken(const LaneState<P>& stored) const {
+    LaneState<S> state;
+    for (std::size_t d = 0; d < m_.joints + kRootDofs; ++d) {
+      state.q[d] = lanes_(stored.q[d]);
+      state.v[d] = lanes_(stored.v[d]);
+    }
+    return state;
+  }
+  void Store(const LaneState<S>& state, LaneState<P>& stored) const {
+    for (std::size_t d = 0; d < m_.joints + kRootDofs; ++d) {
+      lanes_.Put(state.q[d], stored.q[d]);
+      lanes_.Put(state.v[d], stored.v[d]);
+    }
+  }
+  /// How many; known where the tree is.
+  [[nodiscard, gnu::always_inline]] std::size_t joints() const { return tree_.joints(); }
+  /// Calls f(j) for every joint, outwards.
+  template <class F>
+  [[gnu::always_inline]] void ForEachJoint(const F& f) const {
+    tree_.Outwards([&](auto body) __attribute__((always_inline)) { f(body - 1); });
+  }
+  /// Nothing: the chart of a root in the plane is the world's (RootChart).
+  static void MoveOn(const LaneState<S>& /*state*/) {}
 
   /// Accelerations of all degrees of freedom under these torques of the joints (`tau[3 + i]`).
   [[gnu::always_inline]] void Accelerate(const LaneState<S>& state, const Numbers& tau,

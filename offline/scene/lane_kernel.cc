@@ -40,21 +40,22 @@ constexpr const char* kPlain = "16 bytes";
 #endif
 
 const LaneKernel<double>& OneRobotKernel() {
-  static constexpr LaneKernel<double> kernel{"one robot", DriveLanes<double, double>,
-                                             DriveLanesClassically<double, double>,
-                                             PrescribeLanes<double, double>};
+  static constexpr LaneKernel<double> kernel{
+      "one robot", DriveLanes<double, double>, DriveLanesClassically<double, double>,
+      DriveSpaceLanesClassically<double, double>, PrescribeLanes<double, double>};
   return kernel;
 }
 
 const LanePlanKernel<double>& OneRobotPlanKernel() {
-  static constexpr LanePlanKernel<double> kernel{"one robot", RunLanePlans<double, double>};
+  static constexpr LanePlanKernel<double> kernel{"one robot", RunLanePlans<double, double>,
+                                                 RunSpaceLanePlans<double, double>};
   return kernel;
 }
 
 std::vector<const LaneKernel<Packet>*> PacketKernels() {
-  static constexpr LaneKernel<Packet> plain{kPlain, DriveLanes<Packet, Vector<2>>,
-                                            DriveLanesClassically<Packet, Vector<2>>,
-                                            PrescribeLanes<Packet, Vector<2>>};
+  static constexpr LaneKernel<Packet> plain{
+      kPlain, DriveLanes<Packet, Vector<2>>, DriveLanesClassically<Packet, Vector<2>>,
+      DriveSpaceLanesClassically<Packet, Vector<2>>, PrescribeLanes<Packet, Vector<2>>};
 #if defined(__x86_64__)
   return Runnable(Avx512Kernel, Avx2Kernel, plain);
 #else
@@ -63,7 +64,8 @@ std::vector<const LaneKernel<Packet>*> PacketKernels() {
 }
 
 std::vector<const LanePlanKernel<Packet>*> PacketPlanKernels() {
-  static constexpr LanePlanKernel<Packet> plain{kPlain, RunLanePlans<Packet, Vector<2>>};
+  static constexpr LanePlanKernel<Packet> plain{kPlain, RunLanePlans<Packet, Vector<2>>,
+                                                RunSpaceLanePlans<Packet, Vector<2>>};
 #if defined(__x86_64__)
   return Runnable(Avx512PlanKernel, Avx2PlanKernel, plain);
 #else

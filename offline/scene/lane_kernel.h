@@ -7,6 +7,7 @@
 
 #include "offline/scene/lane_robot.h"
 #include "offline/scene/packet.h"
+#include "offline/scene/space_lanes.h"
 
 namespace tumbler {
 
@@ -56,6 +57,13 @@ struct LaneKernel {
   void (*drive_classically)(const LaneModel& model, const LaneRobot<S>& robot,
                             const LaneSteps& steps, std::span<const LaneSetpoint<S>> setpoints,
                             HeldSetpoints<S>& held, LaneState<S>& state, std::size_t lanes);
+
+  /// The same in space.
+  void (*drive_classically_in_space)(const SpaceLaneModel& model, const SpaceLaneRobot<S>& robot,
+                                     const LaneSteps& steps,
+                                     std::span<const LaneSetpoint<S>> setpoints,
+                                     HeldSetpoints<S>& held, SpaceLaneState<S>& state,
+                                     std::size_t lanes);
 
   /// Moves robots whose joints are prescribed exactly, as plans have them: setpoints are positions,
   /// velocities and accelerations for each joint and step.

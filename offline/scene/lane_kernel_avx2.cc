@@ -10,15 +10,16 @@ namespace tumbler {
 
 const LaneKernel<Packet>& Avx2Kernel();
 const LaneKernel<Packet>& Avx2Kernel() {
-  static constexpr LaneKernel<Packet> kernel{"AVX2", DriveLanes<Packet, Vector<4>>,
-                                             DriveLanesClassically<Packet, Vector<4>>,
-                                             PrescribeLanes<Packet, Vector<4>>};
+  static constexpr LaneKernel<Packet> kernel{
+      "AVX2", DriveLanes<Packet, Vector<4>>, DriveLanesClassically<Packet, Vector<4>>,
+      DriveSpaceLanesClassically<Packet, Vector<4>>, PrescribeLanes<Packet, Vector<4>>};
   return kernel;
 }
 
 const LanePlanKernel<Packet>& Avx2PlanKernel();
 const LanePlanKernel<Packet>& Avx2PlanKernel() {
-  static constexpr LanePlanKernel<Packet> kernel{"AVX2", RunLanePlans<Packet, Vector<4>>};
+  static constexpr LanePlanKernel<Packet> kernel{"AVX2", RunLanePlans<Packet, Vector<4>>,
+                                                 RunSpaceLanePlans<Packet, Vector<4>>};
   return kernel;
 }
 

@@ -10,15 +10,16 @@ namespace tumbler {
 
 const LaneKernel<Packet>& Avx512Kernel();
 const LaneKernel<Packet>& Avx512Kernel() {
-  static constexpr LaneKernel<Packet> kernel{"AVX-512", DriveLanes<Packet, Vector<8>>,
-                                             DriveLanesClassically<Packet, Vector<8>>,
-                                             PrescribeLanes<Packet, Vector<8>>};
+  static constexpr LaneKernel<Packet> kernel{
+      "AVX-512", DriveLanes<Packet, Vector<8>>, DriveLanesClassically<Packet, Vector<8>>,
+      DriveSpaceLanesClassically<Packet, Vector<8>>, PrescribeLanes<Packet, Vector<8>>};
   return kernel;
 }
 
 const LanePlanKernel<Packet>& Avx512PlanKernel();
 const LanePlanKernel<Packet>& Avx512PlanKernel() {
-  static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vector<8>>};
+  static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vector<8>>,
+                                                 RunSpaceLanePlans<Packet, Vector<8>>};
   return kernel;
 }
 

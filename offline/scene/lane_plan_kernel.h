@@ -7,6 +7,7 @@
 
 #include "offline/scene/lane_robot.h"
 #include "offline/scene/packet.h"
+#include "offline/scene/space_lanes.h"
 
 namespace tumbler {
 
@@ -43,13 +44,15 @@ struct LanePlan {
 };
 
 /// What comes of plans in lanes. Spans are as long as is said; torques are of the motors.
-template <class S>
+/// @tparam State  LaneState or SpaceLaneState.
+template <class S, class State = LaneState<S>>
 struct LanePlanRecord {
-  std::span<S> torque;              ///< At each stage, by step, then stage, then joint [N m].
-  std::span<S> depth;               ///< Of the deepest contact at each stage likewise, in layers.
-  std::span<LaneState<S>> at_look;  ///< At each of LanePlan::looks.
-  S effort{};                       ///< The integral of the sum of the squares of torques.
-  S largest{};                      ///< Of all positions and rates of the root, their size.
+  std::span<S> torque;       ///< At each stage, by step, then stage, then joint [N m].
+  std::span<S> depth;        ///< Of the deepest contact at each stage likewise, in layers.
+  std::span<State> at_look;  ///< At each of LanePlan::looks.
+  S effort{};                ///< The integral of the sum of the squares of torques.
+  S work{};                  ///< In space, that of the power that motors give [J].
+  S largest{};               ///< Of all positions and rates of the root, their size.
 };
 
 /// The simulation of plans in lanes, compiled for one kind of vectors; as LaneKernel.
@@ -61,6 +64,11 @@ struct LanePlanKernel {
   /// @param start   the root's position and velocity; the joints' are those of their paths.
   void (*run)(const LaneModel& model, const LaneRobot<S>& robot, const LanePlan& plan,
               std::span<const S> points, const LaneState<S>& start, LanePlanRecord<S>& record);
+  /// The same in space.
+  void (*run_in_space)(const SpaceLaneModel& model, const SpaceLaneRobot<S>& robot,
+                       const LanePlan& plan, std::span<const S> points,
+                       const SpaceLaneState<S>& start,
+                       LanePlanRecord<S, SpaceLaneState<S>>& record);
 };
 
 /// The kernel for one robot.

@@ -38,6 +38,20 @@ struct LaneModel {
   ContactDamping damping_law = ContactDamping::kNoPull;
 };
 
+/// A joint of a robot in lanes with its drive. SI units.
+template <class S>
+struct LaneJoint {
+  S rotor_inertia, viscous_friction, dry_friction;
+  S lower, upper;  ///< Where the stops are [rad].
+  S torque_max;
+  S kp, kd;
+  S feed_forward;     ///< Factor of the feed-forward torque.
+  S zero_error;       ///< The encoder's reading less the true angle [rad].
+  S delay;            ///< From a tick to when its setpoint acts [s], at most a tick's length.
+  S velocity_filter;  ///< Time constant with which the drive sees its velocity [s]; 0: at once.
+  S torque_lag;       ///< Time constant of its current loop [s]; 0: none.
+};
+
 /// Everything in which robots of an ensemble can differ, for one robot (S = double), or for as many
 /// as a packet has lanes. SI units. All members are S.
 template <class S>
@@ -46,17 +60,7 @@ struct LaneRobot {
     S offset_x, offset_z;  ///< Origin of the frame in the parent's at q = 0 [m].
     S mass, centre_x, centre_z, inertia;
   };
-  struct Joint {
-    S rotor_inertia, viscous_friction, dry_friction;
-    S lower, upper;  ///< Where the stops are [rad].
-    S torque_max;
-    S kp, kd;
-    S feed_forward;     ///< Factor of the feed-forward torque.
-    S zero_error;       ///< The encoder's reading less the true angle [rad].
-    S delay;            ///< From a tick to when its setpoint acts [s], at most a tick's length.
-    S velocity_filter;  ///< Time constant with which the drive sees its velocity [s]; 0: at once.
-    S torque_lag;       ///< Time constant of its current loop [s]; 0: none.
-  };
+  using Joint = LaneJoint<S>;
   struct Point {
     S x, z, radius;
   };

@@ -10,13 +10,6 @@
 namespace tumbler {
 namespace {
 
-void RequireRoom(std::size_t count, std::size_t room, const char* what) {
-  if (count > room) {
-    throw std::invalid_argument(
-        fmt::format("there are {} {}; lanes have room for {}", count, what, room));
-  }
-}
-
 void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lanes) {
   if (robot.root_dofs != 3) {
     throw std::invalid_argument("the robot's root is fixed; lanes need a planar one");
@@ -26,7 +19,7 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
         fmt::format("the joint '{}' has no motor; lanes have one in every joint",
                     robot.tree.dofs[Index(robot.passive[0].dof)].name));
   }
-  RequireRoom(robot.joint_count(), LaneModel::kMaxJoints, "joints");
+  RequireLaneRoom(robot.joint_count(), LaneModel::kMaxJoints, "joints");
   lanes.model.joints = robot.joint_count();
   lanes.model.hinged = robot.hinged();
   lanes.robot.bar_friction = robot.tree.dofs[2].damping_nm_s_per_rad;
@@ -42,20 +35,9 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
     lanes.model.axis[i] = dof.axis;
     if (i == 0) continue;
     lanes.model.parent[i] = Index(dof.parent) - 2;
-    const RobotJointLimits& limits = robot.limits[i + 2];
-    lanes.robot.joints[i - 1] = {dof.rotor_inertia_kg_m2,
-                                 dof.damping_nm_s_per_rad + drive.viscous_friction_nm_s_per_rad,
-                                 robot.dry_friction_nm[i + 2] + drive.dry_friction_nm,
-                                 limits.lower_rad,
-                                 limits.upper_rad,
-                                 drive.torque_max_nm,
-                                 drive.kp,
-                                 drive.kd,
-                                 1.0,
-                                 0.0,
-                                 drive.delay_s,
-                                 0.0,
-                                 0.0};
+    lanes.robot.joints[i - 1] =
+        MakeLaneJoint(dof.rotor_inertia_kg_m2, dof.damping_nm_s_per_rad,
+                      robot.dry_friction_nm[i + 2], robot.limits[i + 2], drive);
   }
 }
 
@@ -65,7 +47,7 @@ void AddPoints(const Scene& scene, LaneScene& lanes) {
     for (const ContactShape<Plane>& shape : scene.robot.shapes) {
       if (Index(shape.body) != body + 2) continue;
       for (const Plane::Vector& vertex : CoreVertices(shape.shape)) {
-        RequireRoom(lanes.model.points + 1, LaneModel::kMaxPoints, "contact points");
+        RequireLaneRoom(lanes.model.points + 1, LaneModel::kMaxPoints, "contact points");
         lanes.model.point_body[lanes.model.points] = body;
         lanes.robot.points[lanes.model.points++] = {vertex.x(), vertex.y(), shape.shape.radius_m};
       }
@@ -83,7 +65,8 @@ void AddStone(const PlanarRobot& robot, const Obstacle<Plane>& obstacle, LaneSce
                     "lanes have one of the two only",
                     obstacle.name, shape.name));
   }
-  RequireRoom(lanes.model.stones + 1, LaneModel::kMaxStones, "obstacles that are no half-spaces");
+  RequireLaneRoom(lanes.model.stones + 1, LaneModel::kMaxStones,
+                  "obstacles that are no half-spaces");
   const Shape<Plane>& shape = obstacle.shape;
   const Plane::Vector axis = shape.rotation * Plane::Vector(Plane::Vector::UnitX());
   lanes.robot.stones[lanes.model.stones++] = {
@@ -97,7 +80,7 @@ void AddObstacles(const Scene& scene, LaneScene& lanes) {
       AddStone(scene.robot, obstacle, lanes);
       continue;
     }
-    RequireRoom(lanes.model.grounds + 1, LaneModel::kMaxGrounds, "half-spaces");
+    RequireLaneRoom(lanes.model.grounds + 1, LaneModel::kMaxGrounds, "half-spaces");
     const Plane::Vector& normal = obstacle.shape.normal;
     lanes.robot.grounds[lanes.model.grounds++] = {normal.x(), normal.y(),
                                                   normal.dot(obstacle.shape.centre)};
@@ -105,6 +88,31 @@ void AddObstacles(const Scene& scene, LaneScene& lanes) {
 }
 
 }  // namespace
+
+void RequireLaneRoom(std::size_t count, std::size_t room, const char* what) {
+  if (count > room) {
+    throw std::invalid_argument(
+        fmt::format("there are {} {}; lanes have room for {}", count, what, room));
+  }
+}
+
+LaneJoint<double> MakeLaneJoint(double rotor_inertia_kg_m2, double damping_nm_s_per_rad,
+                                double dry_friction_nm, const RobotJointLimits& limits,
+                                const LaneDrive& drive) {
+  return {rotor_inertia_kg_m2,
+          damping_nm_s_per_rad + drive.viscous_friction_nm_s_per_rad,
+          dry_friction_nm + drive.dry_friction_nm,
+          limits.lower_rad,
+          limits.upper_rad,
+          drive.torque_max_nm,
+          drive.kp,
+          drive.kd,
+          1.0,
+          0.0,
+          drive.delay_s,
+          0.0,
+          0.0};
+}
 
 LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
   if (!scene.motors.empty()) {

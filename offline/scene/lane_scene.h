@@ -17,11 +17,19 @@ struct LaneDrive {
   double delay_s = 0.3e-3;
 };
 
+/// A joint with its drive.
+LaneJoint<double> MakeLaneJoint(double rotor_inertia_kg_m2, double damping_nm_s_per_rad,
+                                double dry_friction_nm, const RobotJointLimits& limits,
+                                const LaneDrive& drive);
+
 /// A robot with its ground, as lanes have it.
 struct LaneScene {
   LaneModel model;
   LaneRobot<double> robot{};
 };
+
+/// @throws std::invalid_argument  when there are more of something than lanes have room for.
+void RequireLaneRoom(std::size_t count, std::size_t room, const char* what);
 
 /// The scene of a task in lanes.
 /// @throws std::invalid_argument  when there is something in the scene that lanes do not have: its

@@ -10,15 +10,16 @@
 #include "offline/scene/lane_kernel.h"
 #include "offline/scene/lane_tree.h"
 #include "offline/scene/motor.h"
+#include "offline/scene/space_lane_dynamics.h"
 
 namespace tumbler {
 inline namespace TUMBLER_LANES_NAMESPACE {
 
 /// The torque of a joint's drive, friction and stop, at the integration steps of robots in lanes.
-template <class S, class P>
+template <class S, class P, class Robot = LaneRobot<P>>
 class LaneDriveLaw {
  public:
-  LaneDriveLaw(const LaneRobot<P>& robot, std::size_t joint, LanesFrom<S> lanes)
+  LaneDriveLaw(const Robot& robot, std::size_t joint, LanesFrom<S> lanes)
       : r_(robot),
         drive_(robot.joints[joint]),
         lanes_(lanes),
@@ -56,8 +57,8 @@ class LaneDriveLaw {
   }
 
  private:
-  const LaneRobot<P>& r_;
-  const typename LaneRobot<P>::Joint& drive_;
+  const Robot& r_;
+  const LaneJoint<P>& drive_;
   LanesFrom<S> lanes_;
   bool rubs_;
 };
@@ -159,50 +160,51 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   robots.Put(state_of_all, watch, joints, lanes);
 }
 
-/// LaneKernel::drive_classically likewise.
-template <class Tree, class S, class P>
-void DriveSomeClassically(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
+/// LaneKernel::drive_classically likewise, in the plane or in space.
+template <class Dynamics, class S, class P>
+void DriveSomeClassically(const typename Dynamics::Model& model,
+                          const typename Dynamics::Robot& robot, const LaneSteps& steps,
                           std::span<const LaneSetpoint<P>> setpoints, const HeldSetpoints<P>& held,
-                          LaneState<P>& state_of_all, LaneWatch<P>& watch, LanesFrom<S> lanes) {
+                          typename Dynamics::StoredState& state_of_all, LanesFrom<S> lanes) {
   // Of kClassical (tableau.h): where a stage is, and what it weighs.
   constexpr std::array kPart = {0.5, 0.5, 1.0, 0.0}, kWeight = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
   // A setpoint acts from the step on that begins with it, whatever rounding makes of its time.
   constexpr double kRounding = 1e-6;
-  const Tree tree(model);
-  const std::size_t joints = tree.joints();
-  LaneProgress<S, P> robots(state_of_all, watch, joints, lanes);
-  LaneDynamics<S, P, Tree> dynamics(model, robot, lanes);
-  typename LaneDynamics<S, P, Tree>::Numbers tau, qdd;
-  LaneState<S> at, sum;
+  constexpr std::size_t kRoot = Dynamics::kRootDofs;
+  Dynamics dynamics(model, robot, lanes);
+  const std::size_t joints = dynamics.joints();
+  typename Dynamics::State state = dynamics.Taken(state_of_all), at, sum;
+  typename Dynamics::Numbers tau, qdd;
+  S largest(0);  // torque, which nobody asks for
   const double h_s = steps.tick_s / steps.per_tick;
   const LaneSetpoint<P>* before = held.data();
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
     const LaneSetpoint<P>* const now = setpoints.data() + k;
     for (int i = 0; i < steps.per_tick; ++i) {
       const S since(h_s * i + kRounding * steps.tick_s);
-      at = sum = robots.state;
+      at = sum = state;
       for (std::size_t s = 0; s < kPart.size(); ++s) {
-        tree.Outwards([&](auto body) __attribute__((always_inline)) {
-          const std::size_t j = body - 1;
-          tau[j + 3] =
-              LaneDriveLaw<S, P>(robot, j, lanes)
-                  .Torque(before[j], now[j], since, at.q[j + 3], at.v[j + 3], robots.torque[j]);
+        dynamics.ForEachJoint([&](std::size_t j) __attribute__((always_inline)) {
+          tau[j + kRoot] =
+              LaneDriveLaw<S, P, typename Dynamics::Robot>(robot, j, lanes)
+                  .Torque(before[j], now[j], since, at.q[j + kRoot], at.v[j + kRoot], largest);
         });
         dynamics.Accelerate(at, tau, qdd);
         const S part(h_s * kPart[s]), weight(h_s * kWeight[s]);
-        for (std::size_t d = 0; d < joints + 3; ++d) {
+        for (std::size_t d = 0; d < joints + kRoot; ++d) {
           sum.q[d] += weight * at.v[d];
           sum.v[d] += weight * qdd[d];
           const S velocity = at.v[d];
-          at.q[d] = robots.state.q[d] + part * velocity;
-          at.v[d] = robots.state.v[d] + part * qdd[d];
+          at.q[d] = state.q[d] + part * velocity;
+          at.v[d] = state.v[d] + part * qdd[d];
         }
       }
-      robots.state = sum;
+      state = sum;
+      dynamics.MoveOn(state);
     }
     before = now;
   }
-  robots.Put(state_of_all, watch, joints, lanes);
+  dynamics.Store(state, state_of_all);
 }
 
 /// LaneKernel::prescribe likewise.
@@ -267,11 +269,11 @@ void WithTreeOf(const LaneModel& model, Use&& use) {
 
 /// The setpoints that are held after these.
 template <class P>
-void TakeLast(const LaneModel& model, std::span<const LaneSetpoint<P>> setpoints,
+void TakeLast(std::size_t joints, std::span<const LaneSetpoint<P>> setpoints,
               HeldSetpoints<P>& held) {
-  const std::size_t whole = setpoints.size() / model.joints * model.joints;
+  const std::size_t whole = setpoints.size() / joints * joints;
   if (whole == 0) return;
-  for (std::size_t j = 0; j < model.joints; ++j) held[j] = setpoints[whole - model.joints + j];
+  for (std::size_t j = 0; j < joints; ++j) held[j] = setpoints[whole - joints + j];
 }
 
 /// LaneKernel::drive with S, some lanes after the other.
@@ -283,7 +285,7 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSte
     for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
       DriveSome<Tree>(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
   });
-  TakeLast(model, setpoints, held);
+  TakeLast(model.joints, setpoints, held);
 }
 
 /// LaneKernel::drive_classically likewise.
@@ -291,13 +293,24 @@ template <class P, class S>
 void DriveLanesClassically(const LaneModel& model, const LaneRobot<P>& robot,
                            const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
                            HeldSetpoints<P>& held, LaneState<P>& state, std::size_t lanes) {
-  LaneWatch<P> watch{};
   WithTreeOf(model, [&]<class Tree>() {
     for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
-      DriveSomeClassically<Tree>(model, robot, steps, setpoints, held, state, watch,
-                                 LanesFrom<S>(first));
+      DriveSomeClassically<LaneDynamics<S, P, Tree>>(model, robot, steps, setpoints, held, state,
+                                                     LanesFrom<S>(first));
   });
-  TakeLast(model, setpoints, held);
+  TakeLast(model.joints, setpoints, held);
+}
+
+/// LaneKernel::drive_classically_in_space likewise.
+template <class P, class S>
+void DriveSpaceLanesClassically(const SpaceLaneModel& model, const SpaceLaneRobot<P>& robot,
+                                const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
+                                HeldSetpoints<P>& held, SpaceLaneState<P>& state,
+                                std::size_t lanes) {
+  for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
+    DriveSomeClassically<SpaceLaneDynamics<S, P>>(model, robot, steps, setpoints, held, state,
+                                                  LanesFrom<S>(first));
+  TakeLast(model.joints, setpoints, held);
 }
 
 /// LaneKernel::prescribe likewise.

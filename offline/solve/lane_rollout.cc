@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
 #include "offline/scene/lane_scene.h"
+#include "offline/scene/space_lanes.h"
 #include "offline/solve/clearance_constraint.h"
 #include "offline/solve/free_duration.h"
 #include "offline/solve/motion_outputs.h"
@@ -20,9 +22,6 @@ namespace {
 
 using Spline = JointMotion<double>::Spline;
 
-/// Of the root: x, z and pitch.
-constexpr std::size_t kRootDofs = 3;
-
 /// A smooth maximum leaves out what is e to the power of this below its largest: a part of 1e-10.
 constexpr double kLeastExponent = -30;
 /// A contact whose SmoothDepth has a smaller exponent is no deeper than 0.7 of what is usable, with
@@ -30,18 +29,61 @@ constexpr double kLeastExponent = -30;
 constexpr double kShallow = -20;
 
 /// Drives have no part in a plan: its motors bear what the scene says.
-LaneScene PlannedScene(const Problem& problem) {
+template <class Scene>
+auto Planned(const Scene& scene) {
   LaneDrive none;
   none.viscous_friction_nm_s_per_rad = 0;
-  return MakeLaneScene(problem.scene, none);
+  return MakeLaneScene(scene, none);
 }
 
-double EffortWeight(const Problem& problem) {
+/// Of all terms of a kind.
+double WeightOf(CostTerm::Kind kind, const Problem& problem) {
   double weight = 0;
   for (const CostTerm& term : problem.cost) {
-    if (term.kind == CostTerm::Kind::kEffort) weight += term.weight;
+    if (term.kind == kind) weight += term.weight;
   }
   return weight;
+}
+
+/// Robots in lanes, in the plane or in space.
+template <class Space>
+struct LanesOf {
+  using Types = LaneTypes<Space>;
+
+  /// @param scene  LaneScene or SpaceLaneScene.
+  template <class Scene>
+  LanesOf(const Scene& scene, std::size_t looks) : model(scene.model), at_look(looks) {
+    std::array<typename Types::template Robot<double>, Packet::kLanes> robots;
+    robots.fill(scene.robot);
+    robot = PackLanes<Types::template Robot>(robots);
+  }
+  typename Types::Model model;
+  typename Types::template Robot<Packet> robot;
+  typename Types::template State<Packet> start{};
+  std::vector<typename Types::template State<Packet>> at_look;
+};
+using PlaneLanes = LanesOf<Plane>;
+using SpaceLanes = LanesOf<Spatial>;
+
+/// Puts the start of a problem's motions into a lane.
+void SetStart(const Problem& problem, std::size_t lane, PlaneLanes& lanes) {
+  const bool hinged = problem.scene.robot.hinged();
+  for (std::size_t d = 0; d < LaneTypes<Plane>::kRootDofs; ++d) {
+    const bool held = hinged && d < 2;
+    const double bar = d == 0 ? problem.scene.bar.x() : problem.scene.bar.y();
+    lanes.start.q[d].set_lane(lane, held ? bar : problem.start_q[d]);
+    lanes.start.v[d].set_lane(lane, held ? 0 : problem.start_root_rates[d]);
+  }
+}
+void SetStart(const Problem& problem, std::size_t lane, SpaceLanes& lanes) {
+  for (std::size_t d = 0; d < LaneTypes<Spatial>::kRootDofs; ++d) {
+    lanes.start.q[d].set_lane(lane, problem.start_q[d]);
+    lanes.start.v[d].set_lane(lane, 0);  // At rest.
+  }
+  for (std::size_t i = 0; i < lanes.start.axes.size(); ++i) {
+    const int row = static_cast<int>(i) / 3, column = static_cast<int>(i) % 3;
+    lanes.start.axes[i].set_lane(lane, problem.space->start_orientation(row, column));
+  }
 }
 
 }  // namespace
@@ -49,12 +91,14 @@ double EffortWeight(const Problem& problem) {
 std::optional<std::string> LaneRollout::WhyNot(const Problem& problem) {
   if (problem.free_duration) return "the duration is free";
   for (const CostTerm& term : problem.cost) {
-    if (term.when == CostTerm::When::kThroughout && term.of_state())
+    const bool has_work = problem.space && term.kind == CostTerm::Kind::kWork;
+    if (term.when == CostTerm::When::kThroughout && term.of_state() && !has_work)
       return "a cost looks at the state throughout the motion";
   }
   try {
-    const LaneScene lanes = PlannedScene(problem);
-    if (lanes.model.joints != problem.joints.size()) return "a joint has no path";
+    const std::size_t joints = problem.space ? Planned(problem.space->scene).model.joints
+                                             : Planned(problem.scene).model.joints;
+    if (joints != problem.joints.size()) return "a joint has no path";
     return std::nullopt;
   } catch (const std::invalid_argument& why) {
     return why.what();
@@ -67,12 +111,9 @@ struct LaneRollout::Implementation {
       : motions(Packet::kLanes, ParametricMotion(p)),
         outputs(motions.front(), p.solver.step_s),
         clearance(p, p.solver.step_s),
-        lanes(PlannedScene(p)),
         kernel(fixed != nullptr ? *fixed : *PacketPlanKernels().front()),
-        effort_weight(EffortWeight(p)) {
-    std::array<LaneRobot<double>, Packet::kLanes> robots;
-    robots.fill(lanes.robot);
-    robot = PackLanes<LaneRobot>(robots);
+        effort_weight(WeightOf(CostTerm::Kind::kEffort, p)),
+        work_weight(WeightOf(CostTerm::Kind::kWork, p)) {
     const bool longer = scheme == LanePlan::Scheme::kFifthOrder;
     const Tableau& tableau = longer ? kDormandPrince : kClassical;
     const Timetable table(tableau, grid, p.duration_s, p.instants());
@@ -94,7 +135,11 @@ struct LaneRollout::Implementation {
     TabulatePaths(table);
     depth.resize(plan.steps.size() * plan.stages);
     torque.resize(depth.size() * p.joints.size());
-    at_look.resize(plan.looks.size());
+    if (p.space) {
+      space.emplace(Planned(p.space->scene), plan.looks.size());
+    } else {
+      plane.emplace(Planned(p.scene), plan.looks.size());
+    }
   }
 
   void TabulatePaths(const Timetable& table) {
@@ -134,12 +179,10 @@ struct LaneRollout::Implementation {
             lane, ControlPointOf(joint, ends, motion.first_parameter(static_cast<int>(j)), x, i));
       }
     }
-    const bool hinged = problem.scene.robot.hinged();
-    for (std::size_t d = 0; d < kRootDofs; ++d) {
-      const bool held = hinged && d < 2;
-      const double bar = d == 0 ? problem.scene.bar.x() : problem.scene.bar.y();
-      start.q[d].set_lane(lane, held ? bar : problem.start_q[d]);
-      start.v[d].set_lane(lane, held ? 0 : problem.start_root_rates[d]);
+    if (space) {
+      SetStart(problem, lane, *space);
+    } else {
+      SetStart(problem, lane, *plane);
     }
   }
 
@@ -147,8 +190,15 @@ struct LaneRollout::Implementation {
     // Lanes that nobody asks for repeat the first one.
     for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
       SetLane(lane, x[lane < x.size() ? lane : 0]);
-    LanePlanRecord<Packet> record{torque, depth, at_look, {}, {}};
-    kernel.run(lanes.model, robot, plan, points, start, record);
+    return space ? RunIn(*space, kernel.run_in_space, x, with_clearance)
+                 : RunIn(*plane, kernel.run, x, with_clearance);
+  }
+
+  template <class Lanes, class Kernel>
+  std::vector<RolloutResult> RunIn(Lanes& lanes, Kernel run, std::span<const std::vector<double>> x,
+                                   bool with_clearance) {
+    LanePlanRecord<Packet, decltype(lanes.start)> record{torque, depth, lanes.at_look, {}, {}, {}};
+    run(lanes.model, lanes.robot, plan, points, lanes.start, record);
     std::vector<RolloutResult> results;
     for (std::size_t lane = 0; lane < x.size(); ++lane) {
       results.push_back(ResultOf(lane, record));
@@ -158,20 +208,26 @@ struct LaneRollout::Implementation {
     return results;
   }
 
-  RolloutResult ResultOf(std::size_t lane, const LanePlanRecord<Packet>& record) {
+  template <class State>
+  RolloutResult ResultOf(std::size_t lane, const LanePlanRecord<Packet, State>& record) {
     const Problem& problem = motions[lane].problem();
     RolloutResult result = outputs.Begin();
     squares[lane] = effort_weight * record.effort.lane(lane);
-    result.cost = squares[lane];
+    result.cost = squares[lane] + work_weight * record.work.lane(lane);
     std::vector<double> q(problem.start_q.size()), qd(q.size());
     bool plausible = record.largest.lane(lane) < kImplausibleState;
     for (std::size_t i = 0; i < plan.looks.size(); ++i) {
       for (std::size_t d = 0; d < q.size(); ++d) {
-        q[d] = at_look[i].q[d].lane(lane);
-        qd[d] = at_look[i].v[d].lane(lane);
+        q[d] = record.at_look[i].q[d].lane(lane);
+        qd[d] = record.at_look[i].v[d].lane(lane);
         plausible = plausible && std::isfinite(q[d]) && std::isfinite(qd[d]);
       }
-      const CostPoint here{q, qd, {}};
+      SpaceMatrix axes;
+      CostPoint here{q, qd, {}};
+      if constexpr (std::is_same_v<State, SpaceLaneState<Packet>>) {
+        axes = AxesOf(record.at_look[i], lane);
+        here.axes = &axes;
+      }
       for (const CostTerm& term : problem.cost) {
         if (!motions[lane].instants()[i].Has(term)) continue;
         const double part = term.weight * term.Accumulate(0, 1, here);
@@ -260,7 +316,7 @@ struct LaneRollout::Implementation {
     for (std::size_t k = 0; k < plan.steps.size(); ++k)
       deepest = std::max(deepest, depth[k * plan.stages].lanes[lane]);
     result.any_contact = deepest > 0;
-    result.peak_penetration_m = deepest * problem.scene.contact.d_on_m;
+    result.peak_penetration_m = deepest * problem.contact().d_on_m;
     // As SmoothDepth of a single contact.
     const double rho = problem.solver.sharpness;
     const double usable = 1 - problem.solver.core_margin;
@@ -279,18 +335,16 @@ struct LaneRollout::Implementation {
   std::vector<ParametricMotion> motions;  // by lane
   MotionOutputs outputs;
   ClearanceConstraint clearance;
-  LaneScene lanes;
   const LanePlanKernel<Packet>& kernel;
-  double effort_weight;
-  LaneRobot<Packet> robot;
+  double effort_weight, work_weight;
   LanePlan plan;
   std::optional<LookPoints> look_points;              // of schemes with stages
   std::vector<std::vector<LanePathWeights>> weights;  // by joint; empty where another's serve
   std::vector<Packet> points, torque, depth;
-  std::vector<Packet> sizes;  // of a quantity, in each step
-  Packet largest;             // of them
-  std::vector<LaneState<Packet>> at_look;
-  LaneState<Packet> start{};
+  std::vector<Packet> sizes;        // of a quantity, in each step
+  Packet largest;                   // of them
+  std::optional<PlaneLanes> plane;  // one of the two
+  std::optional<SpaceLanes> space;
   std::array<double, Packet::kLanes> squares{};
 };
 

@@ -19,6 +19,9 @@ namespace tumbler {
 /// Rollout::Estimate compute for one, by the same schemes with the same equal steps, for a fraction
 /// of the price.
 ///
+/// Problems in space go through the same steps, outputs and paths as those in the plane; their
+/// dynamics are SpaceLaneDynamics.
+///
 /// Everything agrees with a Rollout to rounding but the penetration, which takes the deepest
 /// contact where a Rollout takes a smooth maximum of all. Every kind of vectors gives the same
 /// bits, and a motion's do not depend on what is in the other lanes.
@@ -27,8 +30,8 @@ namespace tumbler {
 class LaneRollout {
  public:
   /// Why lanes do not cover a problem, e.g. "the duration is free"; none where they do. They have
-  /// everything that MakeLaneScene has; no cost of a state throughout the motion, and no duration
-  /// that is free.
+  /// everything that MakeLaneScene has; no cost of a state throughout the motion but the motors'
+  /// work in space, and no duration that is free.
   static std::optional<std::string> WhyNot(const Problem& problem);
 
   /// @param kernel  null: the fastest that this processor can run.

@@ -11,6 +11,7 @@
 #include "offline/solve/cma_es.h"
 #include "offline/solve/constraints.h"
 #include "offline/solve/free_paths.h"
+#include "offline/solve/lane_rollout.h"
 #include "offline/solve/random_starts.h"
 #include "offline/solve/ranked_motion.h"
 
@@ -40,9 +41,9 @@ bool BeginsBehind(const CostTerm& term, const Problem& problem) {
          kBeyondRightAngle;
 }
 
-/// Coarse simulations by which candidates are ranked, one for each thread: of a problem whose axes
-/// that start far from where they are to point are asked for at instants of the motion, too
-/// (SpaceSearch::waypoints).
+/// Coarse simulations by which candidates are ranked, eight at once in lanes where lanes cover the
+/// problem: of one whose axes that start far from where they are to point are asked for at instants
+/// of the motion, too (SpaceSearch::waypoints).
 class Ranking {
  public:
   Ranking(const Problem& problem, int waypoints, int threads) : problem_(problem) {
@@ -69,8 +70,14 @@ class Ranking {
         within_.push_back(i >= own_terms ? std::nullopt : std::optional(within));
       }
     }
-    for (int t = 0; t < std::max(1, threads); ++t)
-      coarse_.emplace_back(problem_, problem_.search.step_s);
+    const bool in_lanes = !LaneRollout::WhyNot(problem_);
+    for (int t = 0; t < std::max(1, threads); ++t) {
+      if (in_lanes) {
+        lanes_.emplace_back(problem_, problem_.search.step_s, LanePlan::Scheme::kSemiImplicitEuler);
+      } else {
+        coarse_.emplace_back(problem_, problem_.search.step_s);
+      }
+    }
   }
 
   [[nodiscard]] bool has_waypoints() const {
@@ -85,9 +92,22 @@ class Ranking {
     double penalty = 0;     ///< For limits that it exceeds.
     bool on_target = true;  ///< Whether it meets the problem's targets.
   };
-  /// @param x  parameters within their bounds.
-  Costs Of(const std::vector<double>& x, int thread) {
-    const RolloutResult result = coarse_[Index(thread)].Estimate(x);
+  /// @param x  parameters within their bounds, of at most Packet::kLanes candidates.
+  std::vector<Costs> Of(std::span<const std::vector<double>> x, int thread) {
+    std::vector<RolloutResult> results;
+    if (lanes_.empty()) {
+      for (const std::vector<double>& of : x)
+        results.push_back(coarse_[Index(thread)].Estimate(of));
+    } else {
+      results = lanes_[Index(thread)].Run(x);
+    }
+    std::vector<Costs> costs;
+    for (const RolloutResult& result : results) costs.push_back(CostsOf(result));
+    return costs;
+  }
+
+ private:
+  [[nodiscard]] Costs CostsOf(const RolloutResult& result) const {
     RankedMotion ranked;
     ranked.SetRank(problem_, result);
     if (!std::isfinite(ranked.rank)) return {kWorst};
@@ -102,10 +122,10 @@ class Ranking {
     return costs;
   }
 
- private:
   Problem problem_;
   std::vector<std::optional<double>> within_;  // by residual, on target; none: of a waypoint
-  std::vector<Rollout> coarse_;                // by thread
+  std::vector<LaneRollout> lanes_;             // by thread; none: lanes do not cover the problem
+  std::vector<Rollout> coarse_;                // else these
 };
 
 class Campaign {
@@ -150,18 +170,35 @@ class Campaign {
     return options_.interrupt != nullptr && *options_.interrupt;
   }
 
-  /// What a candidate costs.
-  /// @param y  what is free of its paths.
-  Ranking::Costs CostsOf(const std::vector<double>& y, int thread) {
+  /// What candidates cost.
+  /// @param candidates  what is free of their paths.
+  std::vector<Ranking::Costs> CostsOf(std::span<const std::vector<double>> candidates) {
+    constexpr auto kPacket = Packet::kLanes;
+    std::vector<Ranking::Costs> costs(candidates.size());
+    const auto packets = static_cast<int>((candidates.size() + kPacket - 1) / kPacket);
+    ParallelFor(packets, options_.threads, [&](int i, int thread) {
+      const std::size_t first = Index(i) * kPacket;
+      const std::size_t count = std::min(kPacket, candidates.size() - first);
+      std::vector<std::vector<double>> motions;
+      for (const std::vector<double>& y : candidates.subspan(first, count))
+        motions.push_back(paths_.Expand(paths_.Inside(y)));
+      std::ranges::copy(ranking_.Of(motions, thread), &costs[first]);
+    });
+    for (std::size_t i = 0; i < costs.size(); ++i) costs[i].penalty += BoundPenalty(candidates[i]);
+    searched_ += static_cast<std::int64_t>(costs.size());
+    return costs;
+  }
+
+  /// For bounds that a candidate exceeds.
+  [[nodiscard]] double BoundPenalty(const std::vector<double>& y) const {
     const std::vector<double> inside = paths_.Inside(y);
-    Ranking::Costs costs = ranking_.Of(paths_.Expand(inside), thread);
-    for (std::size_t i = 0; i < y.size(); ++i)
-      costs.penalty += (y[i] - inside[i]) * (y[i] - inside[i]);
+    double penalty = 0;
+    for (std::size_t i = 0; i < y.size(); ++i) penalty += (y[i] - inside[i]) * (y[i] - inside[i]);
     for (const LinearRow& row : rows_) {
       const double above = std::max(0.0, row.Excess(inside));
-      costs.penalty += search_.limit_penalty * above * above;
+      penalty += search_.limit_penalty * above * above;
     }
-    return costs;
+    return penalty;
   }
 
   /// @param led  whether waypoints count.
@@ -179,13 +216,12 @@ class Campaign {
       return paths_.Reduce(starts_.Draw(static_cast<std::uint64_t>(sample)));
     };
     if (ranking_.has_waypoints()) {
-      std::vector<double> ranks(Index(search_.draws));
-      ParallelFor(search_.draws, options_.threads, [&](int i, int thread) {
-        ranks[Index(i)] = RankOf(CostsOf(draw(attempt * search_.draws + i), thread), true);
-      });
-      searched_ += search_.draws;
+      std::vector<std::vector<double>> draws;
+      for (int i = 0; i < search_.draws; ++i) draws.push_back(draw(attempt * search_.draws + i));
+      std::vector<double> ranks;
+      for (const Ranking::Costs& costs : CostsOf(draws)) ranks.push_back(RankOf(costs, true));
       const auto lowest = std::ranges::min_element(ranks);
-      return draw(attempt * search_.draws + static_cast<int>(lowest - ranks.begin()));
+      return std::move(draws[static_cast<std::size_t>(lowest - ranks.begin())]);
     }
     if (attempt > 0) return draw(attempt);
     Problem calm = problem_;
@@ -213,7 +249,7 @@ class Campaign {
     const int population =
         std::clamp(3 * static_cast<int>(start.size()) / 4, 8, std::max(8, search_.population));
     CmaEs cma(start, search_.sigma_rad, population, seed);
-    const Ranking::Costs costs = CostsOf(start, 0);
+    const Ranking::Costs costs = CostsOf({&start, 1}).front();
     return {number,
             std::move(cma),
             ranking_.has_waypoints(),
@@ -230,10 +266,7 @@ class Campaign {
     int generations = 0;  // since then
     for (; at.generation < search_.generations && !interrupted(); ++at.generation) {
       const std::vector<std::vector<double>> candidates = at.cma.Ask();
-      std::vector<Ranking::Costs> costs(candidates.size());
-      ParallelFor(static_cast<int>(candidates.size()), options_.threads, [&](int i, int thread) {
-        costs[Index(i)] = CostsOf(candidates[Index(i)], thread);
-      });
+      const std::vector<Ranking::Costs> costs = CostsOf(candidates);
       const auto near = std::ranges::count_if(
           costs, [&at](const Ranking::Costs& of) { return of.missed < at.enough; });
       // One that comes near may be alone among many that fall back.
@@ -246,7 +279,6 @@ class Campaign {
       std::vector<double> ranks;
       for (const Ranking::Costs& of : costs) ranks.push_back(RankOf(of, at.led));
       at.cma.Tell(ranks);
-      searched_ += static_cast<std::int64_t>(ranks.size());
       const auto lowest = std::ranges::min_element(ranks);
       if (*lowest < RankOf(at.best, at.led)) {
         at.best = costs[static_cast<std::size_t>(lowest - ranks.begin())];

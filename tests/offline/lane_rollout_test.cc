@@ -26,7 +26,7 @@ namespace {
 using Motions = std::vector<std::vector<double>>;
 
 Problem ProblemOf(const std::string& task) {
-  return LoadTask(testing::SourcePath("primitives/tasks/" + task)).problem;
+  return LoadTask(testing::SourcePath("primitives/" + task), TaskSpaces::kPlaneAndSpace).problem;
 }
 
 Motions RandomMotions(const Problem& problem, std::size_t count) {
@@ -54,6 +54,19 @@ std::vector<double> AGoodMotion(const Problem& problem) {
 }
 
 class LaneRolloutOf : public ::testing::TestWithParam<const char*> {};
+/// Of problems in the plane: in space there are no derivatives in lanes.
+class LaneSensitivityOf : public LaneRolloutOf {};
+
+/// Steps of lengths that differ.
+StepGrid UnevenSteps(const Problem& problem, const std::vector<double>& motion) {
+  if (!problem.space) return StepsFor(problem, motion);
+  StepGrid grid = EvenGrid(problem, 2e-3);
+  for (std::size_t i = 1; i < grid.motion.size(); i += 2) {
+    grid.motion[i - 1] += 5e-4;
+    grid.motion[i] -= 5e-4;
+  }
+  return grid;
+}
 
 // The reference divides where lanes multiply by inverses, and has another order of sums. Impacts
 // amplify that.
@@ -92,7 +105,7 @@ TEST_P(LaneRolloutOf, IsARolloutInEachLaneByEveryScheme) {
     ExpectTheSame(run[i], one.Run(motions[i]), 1e-7);
     ExpectTheSame(estimate[i], one.Estimate(motions[i]), 1e-7);
   }
-  const StepGrid grid = StepsFor(problem, motions[0]);
+  const StepGrid grid = UnevenSteps(problem, motions[0]);
   LaneRollout adaptive(problem, grid);
   one.Use(grid);
   ExpectTheSame(adaptive.Run({motions.data(), 1})[0], one.Run(motions[0]), 1e-7);
@@ -120,7 +133,7 @@ TEST_P(LaneRolloutOf, GivesTheSameBitsWithAllVectorsAndWhateverIsInTheOtherLanes
   }
 }
 
-TEST_P(LaneRolloutOf, HasTheDerivativesOfForwardSensitivities) {
+TEST_P(LaneSensitivityOf, HasTheDerivativesOfForwardSensitivities) {
   const Problem problem = ProblemOf(GetParam());
   const std::vector<double> x = AGoodMotion(problem);
   ForwardSensitivity exact(problem, AdaptiveSteps(problem));
@@ -155,12 +168,19 @@ TEST_P(LaneRolloutOf, HasTheDerivativesOfForwardSensitivities) {
 
 // Six and eleven parameters: one packet of a motion and those beside it, and two. The roll has own
 // shapes that stay apart, and the printed cost no effort.
-INSTANTIATE_TEST_SUITE_P(Tasks, LaneRolloutOf,
-                         ::testing::Values("nominal/handstand.toml", "nominal/roll.toml",
-                                           "paper/roll.toml"));
+INSTANTIATE_TEST_SUITE_P(InThePlane, LaneRolloutOf,
+                         ::testing::Values("tasks/nominal/handstand.toml",
+                                           "tasks/nominal/roll.toml", "tasks/paper/roll.toml"));
+INSTANTIATE_TEST_SUITE_P(InThePlane, LaneSensitivityOf,
+                         ::testing::Values("tasks/nominal/handstand.toml",
+                                           "tasks/nominal/roll.toml", "tasks/paper/roll.toml"));
+// The one rolls over from its back, and costs work.
+INSTANTIATE_TEST_SUITE_P(InSpace, LaneRolloutOf,
+                         ::testing::Values("solo12/tasks/nominal/get_up.toml",
+                                           "solo8/tasks/walk.toml"));
 
 TEST(LaneRollout, SaysWhatItDoesNotCover) {
-  Problem problem = ProblemOf("nominal/handstand.toml");
+  Problem problem = ProblemOf("tasks/nominal/handstand.toml");
   Problem free = problem;
   free.free_duration = DurationBounds{0.5, 0.8};
   EXPECT_EQ(LaneRollout::WhyNot(free), "the duration is free");
@@ -170,6 +190,17 @@ TEST(LaneRollout, SaysWhatItDoesNotCover) {
   Problem driven = problem;
   driven.scene.motors.resize(2);
   EXPECT_THAT(LaneRollout::WhyNot(driven).value_or(""), ::testing::HasSubstr("[motor]"));
+}
+
+TEST(LaneRollout, SaysWhatItDoesNotCoverInSpace) {
+  Problem problem = ProblemOf("solo8/tasks/walk.toml");
+  Problem on_stones = problem;
+  Obstacle<Spatial>& stone = on_stones.space->scene.obstacles.emplace_back();
+  stone.name = "pebble";
+  stone.shape = Shape<Spatial>::Sphere({0.2, 0, 0}, 0.02);
+  EXPECT_THAT(LaneRollout::WhyNot(on_stones).value_or(""), ::testing::HasSubstr("'pebble'"));
+  problem.space->scene.motors.resize(8);
+  EXPECT_THAT(LaneRollout::WhyNot(problem).value_or(""), ::testing::HasSubstr("[motor]"));
 }
 
 }  // namespace
