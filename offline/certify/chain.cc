@@ -12,16 +12,22 @@
 #include <span>
 #include <stdexcept>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "common/files/toml_reader.h"
+#include "offline/certify/planned_passages.h"
 #include "offline/problem/purpose_gauge.h"
+#include "offline/problem/task_frame.h"
 #include "offline/scene/even_steps.h"
 #include "offline/scene/passive_limits.h"
+#include "offline/scene/quaternion.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/scene/stepper.h"
+#include "offline/solve/start_state.h"
 
 namespace tumbler {
 namespace {
@@ -29,20 +35,44 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 /// A state beyond this (m, rad, and their rates) is a failed simulation.
 constexpr double kImplausible = 1e4;
-/// A root whose pitch is further than this [rad] from the plan has fallen: a robot that has tipped
+/// A root that is turned further than this [rad] from the plan has fallen: a robot that has tipped
 /// over an edge of its feet does not come back.
 constexpr double kFallenPitch = 0.5;
 constexpr double kPostureTolerance = 0.1;
 
+/// How the root is turned, as far as it can be compared with a plan: in the plane its pitch, in
+/// space what is vertical, in its frame. There headings do not count.
+template <class Space>
+using Attitude = std::conditional_t<std::is_same_v<Space, Plane>, double, SpaceVector>;
+/// What messages call it.
+template <class Space>
+constexpr const char* kAttitudeName = std::is_same_v<Space, Plane> ? "pitch" : "tilt";
+
+SpaceVector VerticalIn(const SpaceMatrix& axes) { return axes.transpose().col(2); }
+
+template <class Space>
+Attitude<Space> AttitudeOf(const PrimitivePose& pose) {
+  if constexpr (std::is_same_v<Space, Plane>) {
+    return pose.root_pitch_rad;
+  } else {
+    return VerticalIn(ToRotation(pose.root_quaternion));
+  }
+}
+
 /// The scene of one primitive, and the plan of the primitive in it.
+template <class Space>
 struct World {
   World(const PrimitiveFile& f, const Problem& p)
-      : file(f), problem(p), robot(p.scene), distances(p.scene.robot, p.scene.self_contact.All()) {
+      : file(f),
+        problem(p),
+        scene(SceneIn<Space>(p)),
+        robot(scene),
+        distances(scene.robot, scene.self_contact.All()) {
     for (const JointMotion<double>& motion : file.primitive.motions())
-      dof_of_joint.push_back(Index(problem.scene.robot.FindDof(motion.name.view())));
-    for (const PurposeFigure& figure : file.purpose) gauges.emplace_back(figure, p.scene.robot);
+      dof_of_joint.push_back(Index(scene.robot.FindDof(motion.name.view())));
+    for (const PurposeFigure& figure : file.purpose) gauges.emplace_back(figure, scene.robot);
     for (const ContactInterval& interval : file.contacts) {
-      for (const ContactShape<Plane>& shape : problem.scene.robot.shapes) {
+      for (const ContactShape<Space>& shape : scene.robot.shapes) {
         if (shape.name == interval.shape) touching_bodies.insert(shape.body);
       }
     }
@@ -50,41 +80,47 @@ struct World {
 
   const PrimitiveFile& file;
   const Problem& problem;
-  SceneDynamics robot;
-  SelfDistances distances;
+  const SceneOf<Space>& scene;
+  SceneDynamicsIn<Space> robot;
+  SelfDistancesIn<Space> distances;
   std::vector<std::size_t> dof_of_joint;  // in the order of the primitive's joints
   std::set<int> touching_bodies;          // that touch anything in the plan
   std::vector<PurposeGauge> gauges;       // of the purpose's targets
 
-  /// The root's pitch when the primitive is played alone, from its own entry.
-  struct PlannedPitch {
-    double time_s, pitch_rad;
+  /// How the root is turned when the primitive is played alone, from its own entry.
+  struct Planned {
+    double time_s;
+    Attitude<Space> attitude;
   };
-  std::vector<PlannedPitch> plan;
+  std::vector<Planned> plan;
 
-  [[nodiscard]] double PlannedPitchAt(double t) const {
+  [[nodiscard]] Attitude<Space> PlannedAt(double t) const {
     const auto after = std::lower_bound(plan.begin(), plan.end(), t,
                                         [](const auto& p, double x) { return p.time_s < x; });
-    if (after == plan.begin()) return plan.front().pitch_rad;
-    if (after == plan.end()) return plan.back().pitch_rad;
+    if (after == plan.begin()) return plan.front().attitude;
+    if (after == plan.end()) return plan.back().attitude;
     const auto before = after - 1;
     const double share = (t - before->time_s) / (after->time_s - before->time_s);
-    return before->pitch_rad + share * (after->pitch_rad - before->pitch_rad);
+    return before->attitude + share * (after->attitude - before->attitude);
   }
 };
 
+template <class Space>
 class Simulation {
  public:
-  Simulation(const SimulatedMotion& motion, const ChainOptions& options,
-             const std::function<void(int, const MotionSample&)>& visitor)
-      : file_(motion.file()),
-        options_(options),
-        visitor_(visitor),
-        root_(motion.scene().robot.root_dofs == 3),
-        hinged_(motion.scene().robot.hinged()),
-        bar_(motion.scene().bar) {
+  using Visitor = std::function<void(int, const MotionSampleIn<Space>&)>;
+  using Dynamics = SceneDynamicsIn<Space>;
+
+  Simulation(const SimulatedMotion& motion, const ChainOptions& options, const Visitor& visitor)
+      : file_(motion.file()), options_(options), visitor_(visitor) {
+    const SceneOf<Space>& scene = SceneIn<Space>(motion.problem());
+    root_ = scene.robot.root_dofs > 0;
+    if constexpr (kPlanar) {
+      hinged_ = scene.robot.hinged();
+      bar_ = scene.bar;
+    }
     for (std::size_t i = 0; i < file_.primitives.size(); ++i)
-      worlds_.push_back(std::make_unique<World>(file_.primitives[i], motion.ProblemOf(i)));
+      worlds_.push_back(std::make_unique<World<Space>>(file_.primitives[i], motion.ProblemOf(i)));
     CheckPassiveJoints();
     for (int node = 0; node < file_.graph.node_count; ++node) {
       if (WorldOf(node).plan.empty()) Plan(node);
@@ -92,61 +128,44 @@ class Simulation {
   }
 
   ChainOutcome Run() {
+    const std::vector<PlannedPassage> planned =
+        PlannedPassages(file_.graph, options_.cycles, options_.branch);
     SetStart(file_.graph.start);
-    int node = file_.graph.start;
-    std::size_t since_cycle = 0;
-    bool branched = false;
-    for (;;) {
+    for (const PlannedPassage& next : planned) {
       PlayedNode& passage = outcome_.passages.emplace_back();
-      passage.node = node;
+      passage.node = next.node;
       followed_ = false;
       passage.start_s = start_s_ = time_;
       passage.torque_margin_nm = std::numeric_limits<double>::infinity();
       if (!Enter(passage)) break;
-      const double x = RootX();
-      const double pitch = RootPitch();
+      const RootPlace before = Place();
       bool going = Move(passage);
-      int edge = -1;
       if (going) {
-        const bool ends_cycle = file_.graph.node(node).ends_cycle;
-        outcome_.cycles += ends_cycle ? 1 : 0;
-        since_cycle = ends_cycle ? 0 : since_cycle + 1;
-        edge = NextEdge(file_.graph, node, outcome_.cycles, Request(branched));
-        followed_ = edge >= 0;
-        branched = branched || (edge >= 0 && file_.graph.edge(edge).when == EdgeCondition::kBranch);
-        going = Hold(passage, edge < 0 ? LastHold(node) : file_.graph.edge(edge).settle_s);
+        outcome_.cycles = next.cycles;
+        followed_ = next.edge >= 0;
+        going =
+            Hold(passage, followed_ ? file_.graph.edge(next.edge).settle_s : LastHold(next.node));
       }
-      passage.travelled_m = RootX() - x;
-      passage.turned_rad = RootPitch() - pitch;
-      if (going) going = Leave(passage);
-      if (!going || edge < 0) break;
-      if (since_cycle > Index(file_.graph.node_count) ||
-          outcome_.cycles > options_.cycles + file_.graph.node_count) {
-        throw std::invalid_argument(fmt::format(
-            "the sequence '{}' goes round for ever: give it a number of cycles and a node that "
-            "ends a cycle, or a branch on its way",
-            file_.graph.name.view()));
-      }
-      node = file_.graph.edge(edge).to;
+      passage.travelled_m = TravelledFrom(before);
+      passage.turned_rad = Place().turned_rad - before.turned_rad;
+      if (!going || !Leave(passage)) break;
     }
     outcome_.duration_s = time_;
-    outcome_.travelled_m = RootX() - start_x_;
+    outcome_.travelled_m = TravelledFrom(start_);
     return std::move(outcome_);
   }
 
  private:
-  [[nodiscard]] World& WorldOf(int node) const {
-    return *worlds_[Index(file_.graph.node(node).primitive)];
-  }
+  static constexpr bool kPlanar = std::is_same_v<Space, Plane>;
 
-  [[nodiscard]] SequenceRequest Request(bool branched) const {
-    return PlannedRequest(options_.cycles, options_.branch, outcome_.cycles, branched);
+  [[nodiscard]] World<Space>& WorldOf(int node) const {
+    return *worlds_[Index(file_.graph.node(node).primitive)];
   }
 
   /// The state of passive joints goes on from one primitive to the next.
   /// @throws std::invalid_argument  when joints change places.
   void CheckPassiveJoints() const {
-    if (worlds_.front()->problem.scene.robot.passive.empty()) return;
+    if (worlds_.front()->scene.robot.passive.empty()) return;
     for (int node = 0; node < file_.graph.node_count; ++node) {
       for (int j = 0; j < WorldOf(node).file.primitive.joint_count; ++j) {
         if (file_.graph.RoleOf(node, j) == j) continue;
@@ -160,15 +179,36 @@ class Simulation {
 
   // On a bar the pitch is all that is free of the root.
   [[nodiscard]] double RootX() const { return hinged_ ? bar_.x() : root_ ? root_state_[0] : 0.0; }
-  [[nodiscard]] double RootZ() const { return hinged_ ? bar_.y() : root_ ? root_state_[1] : 0.0; }
+  [[nodiscard]] double RootY() const { return kPlanar ? 0.0 : root_state_[1]; }
+  [[nodiscard]] double RootZ() const {
+    return hinged_ ? bar_.y() : root_ ? root_state_[kPlanar ? 1 : 2] : 0.0;
+  }
+  /// In the plane.
   [[nodiscard]] double RootPitch() const {
     return hinged_ ? root_state_[0] : root_ ? root_state_[2] : 0.0;
   }
   [[nodiscard]] double RootSpeed() const {
-    const auto& y = root_state_;
-    if (hinged_) return std::abs(y[worlds_.front()->robot.free.size()]);
-    const std::size_t x = worlds_.front()->robot.free.size();  // its velocity
-    return root_ ? std::max({std::abs(y[x]), std::abs(y[x + 1]), std::abs(y[x + 2])}) : 0.0;
+    const std::size_t first = worlds_.front()->robot.free.size();  // of the velocities
+    double speed = 0;
+    for (std::size_t i = 0; i < FreeOfRoot(); ++i)
+      speed = std::max(speed, std::abs(root_state_[first + i]));
+    return speed;
+  }
+  /// How many of the root's degrees of freedom are free.
+  [[nodiscard]] std::size_t FreeOfRoot() const {
+    return hinged_ ? 1 : Index(worlds_.front()->scene.robot.root_dofs);
+  }
+
+  struct RootPlace {
+    double x_m = 0, y_m = 0;
+    double turned_rad = 0;  // its pitch; in space, about the vertical since the start
+  };
+  [[nodiscard]] RootPlace Place() const {
+    return {RootX(), RootY(), kPlanar ? RootPitch() : turned_rad_};
+  }
+  [[nodiscard]] double TravelledFrom(const RootPlace& before) const {
+    const double x_m = RootX() - before.x_m;
+    return kPlanar ? x_m : portable::Length(x_m, RootY() - before.y_m);
   }
 
   /// On a bar nothing comes to rest by itself, and the exit is where the settle phase ends. A robot
@@ -201,9 +241,15 @@ class Simulation {
     const PrimitivePose& entry = WorldOf(node).file.entry;
     const double pitch = file_.RobotPitch(node, entry.root_pitch_rad);
     // Positions of the root and of joints without a motor, then their velocities.
-    const std::size_t root = hinged_ ? 1 : root_ ? 3 : 0;
+    const std::size_t root = FreeOfRoot();
     const std::size_t rates = root + entry.passive_positions_rad.size();
-    if (hinged_) {
+    if constexpr (!kPlanar) {
+      root_state_[0] = entry.root_x_m;
+      root_state_[1] = entry.root_y_m;
+      root_state_[2] = entry.root_z_m;
+      chart_.axes = ToRotation(entry.root_quaternion);
+      turned_rad_ = 0;
+    } else if (hinged_) {
       root_state_[0] = pitch;
       root_state_[rates] = entry.root_pitch_rad_s;
     } else if (root_) {
@@ -216,7 +262,7 @@ class Simulation {
     }
     std::copy(entry.passive_positions_rad.begin(), entry.passive_positions_rad.end(),
               root_state_.begin() + static_cast<std::ptrdiff_t>(root));
-    start_x_ = RootX();
+    start_ = Place();
   }
 
   bool Fail(ChainFailure::Cause cause, int node, std::string text) {
@@ -224,15 +270,25 @@ class Simulation {
     return false;
   }
 
-  /// The root's pitch less a planned one of the node's primitive, without whole turns [rad].
-  [[nodiscard]] double PitchError(int node, double planned_rad) const {
-    return root_ ? NearestTurn(RootPitch() - file_.RobotPitch(node, planned_rad)) : 0.0;
+  /// The root's pitch less a planned one of the node's primitive, without whole turns [rad]; in
+  /// space the angle from what is vertical in the plan.
+  [[nodiscard]] double AngleFrom(int node, const Attitude<Space>& planned) const {
+    if constexpr (kPlanar) {
+      return root_ ? NearestTurn(RootPitch() - file_.RobotPitch(node, planned)) : 0.0;
+    } else {
+      const double sine = std::min(1.0, (VerticalIn(chart_.axes) - planned).norm() / 2);
+      return 2 * portable::Atan2(sine, std::sqrt(1 - sine * sine));
+    }
+  }
+  /// The same from a pose of the primitive.
+  [[nodiscard]] double AngleFrom(int node, const PrimitivePose& pose) const {
+    return AngleFrom(node, AttitudeOf<Space>(pose));
   }
 
   bool Enter(PlayedNode& passage) {
     const PrimitivePose& entry = WorldOf(passage.node).file.entry;
     passage.entry_z_error_m = root_ ? RootZ() - entry.root_z_m : 0.0;
-    passage.entry_pitch_error_rad = PitchError(passage.node, entry.root_pitch_rad);
+    passage.entry_pitch_error_rad = AngleFrom(passage.node, entry);
     passage.entry_speed = RootSpeed();
     BeginPurpose(passage);
     const JoinTolerances& t = file_.tolerances;
@@ -244,7 +300,7 @@ class Simulation {
     if (!(std::abs(passage.entry_pitch_error_rad) <= t.root_pitch_rad)) {
       return Fail(
           ChainFailure::Cause::kEntry, passage.node,
-          fmt::format("root, pitch: {} rad from the entry; allowed: {} rad",
+          fmt::format("root, {}: {} rad from the entry; allowed: {} rad", kAttitudeName<Space>,
                       MessageText(passage.entry_pitch_error_rad), MessageText(t.root_pitch_rad)));
     }
     return true;
@@ -253,19 +309,15 @@ class Simulation {
   bool Leave(PlayedNode& passage) {
     const PrimitivePose& exit = WorldOf(passage.node).file.exit;
     passage.exit_z_error_m = root_ ? RootZ() - exit.root_z_m : 0.0;
-    passage.exit_pitch_error_rad = PitchError(passage.node, exit.root_pitch_rad);
+    passage.exit_pitch_error_rad = AngleFrom(passage.node, exit);
     passage.exit_speed = RootSpeed();
-    const double half_turn = std::abs(std::remainder(RootPitch(), kPi));
-    passage.posture = hinged_                                    ? PostureOnBar(passage.node)
-                      : !root_                                   ? Posture::kFixed
-                      : half_turn <= kPostureTolerance           ? Posture::kLevel
-                      : kPi / 2 - half_turn <= kPostureTolerance ? Posture::kUpright
-                                                                 : Posture::kInclined;
+    passage.posture = PostureAt(passage.node);
     const double tolerance = file_.exit_pitch_tolerance_rad[Index(passage.node)];
     if (!(std::abs(passage.exit_pitch_error_rad) <= tolerance)) {
       return Fail(ChainFailure::Cause::kExit, passage.node,
-                  fmt::format("root, pitch: {} rad from the recorded exit; allowed: {} rad",
-                              MessageText(passage.exit_pitch_error_rad), MessageText(tolerance)));
+                  fmt::format("root, {}: {} rad from the recorded exit; allowed: {} rad",
+                              kAttitudeName<Space>, MessageText(passage.exit_pitch_error_rad),
+                              MessageText(tolerance)));
     }
     for (const JudgedTarget& judged : passage.purpose) {
       if (judged.met() != false) continue;
@@ -281,18 +333,23 @@ class Simulation {
 
   /// Notes where the motion begins: its task has it at the primitive's entry.
   void BeginPurpose(PlayedNode& passage) {
-    const World& world = WorldOf(passage.node);
+    const World<Space>& world = WorldOf(passage.node);
     for (std::size_t i = 0; i < world.gauges.size(); ++i)
       passage.purpose.push_back({world.file.purpose[i], {}, {}, world.gauges[i].obstacle()});
-    const double entry_rad = world.file.entry.root_pitch_rad;
-    task_x_m_ = world.file.entry.root_x_m - RootX();
-    task_pitch_rad_ = PitchError(passage.node, entry_rad) + entry_rad - RootPitch();
+    const PrimitivePose& entry = world.file.entry;
+    if constexpr (kPlanar) {
+      const double entry_rad = entry.root_pitch_rad;
+      task_x_m_ = entry.root_x_m - RootX();
+      task_pitch_rad_ = AngleFrom(passage.node, entry_rad) + entry_rad - RootPitch();
+    } else {
+      task_ = TaskFrame(entry, RootX(), RootY(), chart_.axes);
+    }
   }
 
   /// Judges the targets that are due at a time since the start of the node.
   /// @param all  judges all, since the next motion begins.
   /// @pre the world's robot is in the state at that time.
-  void JudgePurpose(PlayedNode& passage, const World& world, double time_s, bool all) {
+  void JudgePurpose(PlayedNode& passage, const World<Space>& world, double time_s, bool all) {
     const double duration_s = world.file.primitive.duration_s;
     const bool swings_on = hinged_ && !world.file.primitive.feedback.present();
     for (std::size_t i = 0; i < passage.purpose.size(); ++i) {
@@ -308,11 +365,15 @@ class Simulation {
   }
 
   /// The value of a target in the coordinates of the task.
-  [[nodiscard]] double ValueOf(int node, const World& world, std::size_t target) {
+  [[nodiscard]] double ValueOf(int node, const World<Space>& world, std::size_t target) {
     if (world.file.purpose[target].of == PurposeTarget::Of::kSpeed)
       return std::ranges::max(speeds_, {}, &SpeedAt::speed).speed;
-    SceneDynamics::Numbers q = world.robot.q, qd = world.robot.qd;
-    if (root_) {
+    typename Dynamics::Numbers q = world.robot.q, qd = world.robot.qd;
+    SpaceMatrix axes = SpaceMatrix::Identity();
+    if constexpr (!kPlanar) {
+      axes = chart_.axes;
+      task_.Enter({q.data(), world.robot.n}, {qd.data(), world.robot.n}, axes);
+    } else if (root_) {
       q[0] = RootX() + task_x_m_;
       q[1] = RootZ();
       q[2] = RootPitch() + task_pitch_rad_;
@@ -323,14 +384,15 @@ class Simulation {
       q[role] = world.robot.q[world.dof_of_joint[j]];
       qd[role] = world.robot.qd[world.dof_of_joint[j]];
     }
-    return world.gauges[target].At({q.data(), world.robot.n}, {qd.data(), world.robot.n});
+    return world.gauges[target].At({q.data(), world.robot.n}, {qd.data(), world.robot.n}, axes);
   }
 
   /// Judges at the end of a motion or a hold, where no step begins.
   /// @param t  of the primitive; kHeld: after it.
-  void JudgeAtEnd(PlayedNode& passage, World& world, double t, bool all) {
+  void JudgeAtEnd(PlayedNode& passage, World<Space>& world, double t, bool all) {
     if (planning_ || passage.purpose.empty()) return;
     NoteSpeed();
+    world.robot.Use(chart_);
     world.robot.SetFree(root_state_);
     Prescribe(passage.node, world, t);
     JudgePurpose(passage, world, time_ - start_s_, all);
@@ -341,11 +403,24 @@ class Simulation {
     while (speeds_.front().time_s < time_ - kRestWatched_s) speeds_.pop_front();
   }
 
+  [[nodiscard]] Posture PostureAt(int node) {
+    double turned_rad = 0;  // from level
+    if constexpr (kPlanar) {
+      if (hinged_) return PostureOnBar(node);
+      if (!root_) return Posture::kFixed;
+      turned_rad = RootPitch();
+    } else {
+      turned_rad = AngleFrom(node, SpaceVector::UnitZ());
+    }
+    const double half_turn = std::abs(std::remainder(turned_rad, kPi));
+    return half_turn <= kPostureTolerance             ? Posture::kLevel
+           : kPi / 2 - half_turn <= kPostureTolerance ? Posture::kUpright
+                                                      : Posture::kInclined;
+  }
   /// Where the robot's centre of mass is, seen from its bar.
-  [[nodiscard]] Posture PostureOnBar(int node) {
-    const SceneDynamics& robot = WorldOf(node).robot;
-    const double turned =
-        std::abs(TurnFromHanging(WorldOf(node).problem.scene, {robot.q.data(), robot.n}));
+  [[nodiscard]] Posture PostureOnBar(int node) requires kPlanar {
+    const Dynamics& robot = WorldOf(node).robot;
+    const double turned = std::abs(TurnFromHanging(WorldOf(node).scene, {robot.q.data(), robot.n}));
     return turned <= kPostureTolerance         ? Posture::kHanging
            : kPi - turned <= kPostureTolerance ? Posture::kAbove
                                                : Posture::kInclined;
@@ -354,7 +429,7 @@ class Simulation {
   static std::string MessageText(double value) { return fmt::format("{:.4g}", value); }
 
   bool Move(PlayedNode& passage) {
-    World& world = WorldOf(passage.node);
+    World<Space>& world = WorldOf(passage.node);
     const double duration = world.file.primitive.duration_s;
     const EvenSteps steps = StepsOf(world, duration);
     const double start = time_;
@@ -368,7 +443,7 @@ class Simulation {
   }
 
   bool Hold(PlayedNode& passage, double hold_s) {
-    World& world = WorldOf(passage.node);
+    World<Space>& world = WorldOf(passage.node);
     passage.hold_s = hold_s;
     const EvenSteps steps = StepsOf(world, hold_s);
     const double start = time_;
@@ -380,13 +455,13 @@ class Simulation {
     return true;
   }
 
-  [[nodiscard]] EvenSteps StepsOf(const World& world, double duration_s) const {
+  [[nodiscard]] EvenSteps StepsOf(const World<Space>& world, double duration_s) const {
     return {duration_s, options_.step_s > 0 ? options_.step_s : world.problem.solver.step_s};
   }
 
   /// Puts the robot's joints where the node's primitive has them at its time t.
-  void Prescribe(int node, World& world, double t) {
-    SceneDynamics& robot = world.robot;
+  void Prescribe(int node, World<Space>& world, double t) {
+    Dynamics& robot = world.robot;
     for (int j = 0; j < world.file.primitive.joint_count; ++j) {
       const std::size_t dof = world.dof_of_joint[Index(j)];
       const auto& path = world.file.primitive.joints[Index(file_.graph.RoleOf(node, j))].position;
@@ -404,11 +479,12 @@ class Simulation {
 
   /// One step of the root. `time_at` gives the time of the node for a part of the step, 0 to 1.
   template <class TimeAt>
-  bool Step(PlayedNode& passage, World& world, double h, const TimeAt& time_at) {
-    SceneDynamics& robot = world.robot;
+  bool Step(PlayedNode& passage, World<Space>& world, double h, const TimeAt& time_at) {
+    Dynamics& robot = world.robot;
     const std::size_t size = 2 * robot.free.size();
+    robot.Use(chart_);
     const bool going = StepRungeKutta<kClassical>(
-        root_state_, size, h, [&](int s, const SceneDynamics::State& y_s, double* k) {
+        root_state_, size, h, [&](int s, const typename Dynamics::State& y_s, double* k) {
           robot.SetFree(y_s);
           Prescribe(passage.node, world, time_at(kClassical.c[Index(s)]));
           robot.TouchAndSolve();
@@ -419,25 +495,38 @@ class Simulation {
     const bool plausible =
         std::all_of(root_state_.begin(), root_state_.begin() + static_cast<std::ptrdiff_t>(size),
                     [](double value) { return std::abs(value) < kImplausible; });
-    return plausible || Fail(ChainFailure::Cause::kImplausible, passage.node,
-                             "the state leaves every plausible range");
+    if (!plausible) {
+      return Fail(ChainFailure::Cause::kImplausible, passage.node,
+                  "the state leaves every plausible range");
+    }
+    if constexpr (RootChart<Space>::kMoves) {
+      constexpr std::size_t kFirst = RootChart<Space>::kFirst;
+      const SpaceMatrix before = chart_.axes;
+      chart_.MoveOn(&root_state_[kFirst], &root_state_[robot.free.size() + kFirst]);
+      turned_rad_ += TurnedAboutVertical(before, chart_.axes);
+    }
+    return true;
   }
 
   /// Takes the state at the start of a step into the figures of the passage.
-  bool Look(PlayedNode& passage, World& world) {
+  bool Look(PlayedNode& passage, World<Space>& world) {
     const int node = passage.node;
     if (planning_) {
-      world.plan.push_back({time_ - start_s_, RootPitch() - file_.RobotPitch(node, 0)});
+      if constexpr (kPlanar) {
+        world.plan.push_back({time_ - start_s_, RootPitch() - file_.RobotPitch(node, 0)});
+      } else {
+        world.plan.push_back({time_ - start_s_, VerticalIn(chart_.axes)});
+      }
       return true;
     }
     NoteSpeed();
     JudgePurpose(passage, world, time_ - start_s_, false);
-    const double off = PitchError(node, world.PlannedPitchAt(time_ - start_s_));
+    const double off = AngleFrom(node, world.PlannedAt(time_ - start_s_));
     const double allowed = std::max(kFallenPitch, file_.exit_pitch_tolerance_rad[Index(node)]);
     if (std::abs(off) > allowed) {
       return Fail(ChainFailure::Cause::kFallen, node,
-                  fmt::format("root, pitch: {} rad from the plan; more than {} rad is a fall",
-                              MessageText(off), MessageText(allowed)));
+                  fmt::format("root, {}: {} rad from the plan; more than {} rad is a fall",
+                              kAttitudeName<Space>, MessageText(off), MessageText(allowed)));
     }
     for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
       const double torque = std::abs(world.robot.tau[world.dof_of_joint[j]]);
@@ -450,19 +539,20 @@ class Simulation {
     }
     const SelfClearance own = world.distances.Nearest({world.robot.q.data(), world.robot.n});
     if (own.distance_m < 0) {
-      return Fail(ChainFailure::Cause::kOverlap, node,
-                  fmt::format("the robot's own shapes {} overlap by {} mm",
-                              NameOf(world.problem.scene.robot, own.pair),
-                              MessageText(-1e3 * own.distance_m)));
+      return Fail(
+          ChainFailure::Cause::kOverlap, node,
+          fmt::format("the robot's own shapes {} overlap by {} mm",
+                      NameOf(world.scene.robot, own.pair), MessageText(-1e3 * own.distance_m)));
     }
-    const PassiveExcess passive =
-        FarthestPassive(world.problem.scene.robot, {world.robot.q.data(), world.robot.n});
-    if (passive.by > 0) {
-      return Fail(ChainFailure::Cause::kStop, node, Describe(passive, world.problem.scene.robot));
+    if constexpr (kPlanar) {
+      const PassiveExcess passive =
+          FarthestPassive(world.scene.robot, {world.robot.q.data(), world.robot.n});
+      if (passive.by > 0)
+        return Fail(ChainFailure::Cause::kStop, node, Describe(passive, world.scene.robot));
     }
-    const std::span<const ActiveContact<Plane>> contacts = world.robot.contact->active();
+    const std::span<const ActiveContact<Space>> contacts = world.robot.contact->active();
     if (visitor_) {
-      const SceneDynamics& robot = world.robot;
+      const Dynamics& robot = world.robot;
       const auto n = static_cast<std::ptrdiff_t>(robot.n);
       sample_.time_s = time_;
       sample_.q.assign(robot.q.begin(), robot.q.begin() + n);
@@ -471,17 +561,18 @@ class Simulation {
       for (const std::size_t dof : world.dof_of_joint) sample_.torque.push_back(robot.tau[dof]);
       sample_.contacts = contacts;
       sample_.dynamics = &robot.dynamics;
+      if constexpr (!kPlanar) sample_.orientation = chart_.axes;
       visitor_(node, sample_);
     }
-    for (const ActiveContact<Plane>& active : contacts) {
+    for (const ActiveContact<Space>& active : contacts) {
       passage.peak_penetration_m = std::max(passage.peak_penetration_m, active.depth_m);
-      const ContactShape<Plane>& shape = world.problem.scene.robot.shapes[Index(active.shape)];
-      const std::string& obstacle = TouchedName(world.problem.scene, active);
-      if (active.depth_m >= world.problem.scene.contact.d_on_m) {
+      const ContactShape<Space>& shape = world.scene.robot.shapes[Index(active.shape)];
+      const std::string& obstacle = TouchedName(world.scene, active);
+      if (active.depth_m >= world.scene.contact.d_on_m) {
         return Fail(ChainFailure::Cause::kCore, node,
                     fmt::format("{} is {} mm deep in {}, through the layer of {} mm", shape.name,
                                 MessageText(1e3 * active.depth_m), obstacle,
-                                MessageText(1e3 * world.problem.scene.contact.d_on_m)));
+                                MessageText(1e3 * world.scene.contact.d_on_m)));
       }
       if (world.touching_bodies.count(RoleOfBody(node, world, shape.body)) == 0) {
         return Fail(
@@ -493,7 +584,7 @@ class Simulation {
   }
 
   /// The body of the plan whose role a body of the robot has in this node.
-  [[nodiscard]] int RoleOfBody(int node, const World& world, int body) const {
+  [[nodiscard]] int RoleOfBody(int node, const World<Space>& world, int body) const {
     const auto& dofs = world.dof_of_joint;
     const auto joint = std::find(dofs.begin(), dofs.end(), Index(body));
     if (joint == dofs.end()) return body;
@@ -505,26 +596,35 @@ class Simulation {
 
   const SequenceFile& file_;
   const ChainOptions& options_;
-  const std::function<void(int, const MotionSample&)>& visitor_;
-  bool root_;    // whether the root is not fixed
-  bool hinged_;  // on a bar
-  Plane::Vector bar_;
-  std::vector<std::unique_ptr<World>> worlds_;  // by primitive
-  SceneDynamics::State root_state_{};
+  const Visitor& visitor_;
+  bool root_ = false;    // whether the root is not fixed
+  bool hinged_ = false;  // on a bar
+  Plane::Vector bar_ = Plane::Vector::Zero();
+  std::vector<std::unique_ptr<World<Space>>> worlds_;  // by primitive
+  typename Dynamics::State root_state_{};
+  RootChart<Space> chart_;
+  double turned_rad_ = 0;  // in space, since the start
   double time_ = 0;
   double start_s_ = 0;     // of the node
   bool planning_ = false;  // playing a primitive alone
-  double start_x_ = 0;
+  RootPlace start_;
   bool followed_ = false;  // whether another motion follows the one that is held
-  // What makes the root's x and pitch those of the node's task.
+  // What makes the root's x and pitch those of the node's task; in space, all of the root.
   double task_x_m_ = 0, task_pitch_rad_ = 0;
+  TaskFrame task_;
   struct SpeedAt {
     double time_s, speed;
   };
   std::deque<SpeedAt> speeds_;  // of the root, in the last kRestWatched_s
-  MotionSample sample_;
+  MotionSampleIn<Space> sample_;
   ChainOutcome outcome_;
 };
+
+/// @throws as SimulateChain.
+void CheckChain(const SimulatedMotion& motion) {
+  RequireSameGround(motion);
+  RequireOneRobot(motion);
+}
 
 }  // namespace
 
@@ -582,10 +682,7 @@ ChainOutcome::Judged ChainOutcome::CountJudged() const {
 void RequireSameGround(const SimulatedMotion& motion) {
   const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    const Problem &first = motion.ProblemOf(0), &other = motion.ProblemOf(i);
-    if (first.space ? SameGround(first.space->scene, other.space->scene)
-                    : SameGround(first.scene, other.scene))
-      continue;
+    if (SameGround(motion.ProblemOf(0), motion.ProblemOf(i))) continue;
     throw FileError(file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
                     fmt::format("was made for other [contact] or [[obstacle]] than '{}'; give both "
                                 "tasks the same and make it again",
@@ -595,16 +692,15 @@ void RequireSameGround(const SimulatedMotion& motion) {
 
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor) {
-  const SequenceFile& file = motion.file();
-  RequireSameGround(motion);
-  RequireOneRobot(motion);
-  if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
-    const std::vector<std::string> names = BranchNames(file.graph);
-    throw std::invalid_argument(fmt::format(
-        "the sequence '{}' has no branch '{}'; its branches: {}", file.graph.name.view(),
-        options.branch, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
-  }
-  return Simulation(motion, options, visitor).Run();
+  if (motion.problem().space) return SimulateChainInSpace(motion, options);
+  CheckChain(motion);
+  return Simulation<Plane>(motion, options, visitor).Run();
+}
+
+ChainOutcome SimulateChainInSpace(const SimulatedMotion& motion, const ChainOptions& options,
+                                  const std::function<void(int, const SpaceSample&)>& visitor) {
+  CheckChain(motion);
+  return Simulation<Spatial>(motion, options, visitor).Run();
 }
 
 }  // namespace tumbler

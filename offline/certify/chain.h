@@ -25,7 +25,8 @@ struct ChainOptions {
   double step_s = 0;
 };
 
-/// The inclination of the root, roughly, or where the centre of mass of a robot on a bar is.
+/// The inclination of the root, roughly, or where the centre of mass of a robot on a bar is. In
+/// space a root is level whose z is vertical, up or down.
 enum class Posture {
   kUpright,   ///< Within 0.1 rad of a right angle to the ground.
   kLevel,     ///< Within 0.1 rad of parallel to the ground.
@@ -42,7 +43,8 @@ struct PlayedNode {
   double start_s = 0;
   double hold_s = 0;
   /// The root's pose at the start, less the entry pose of the primitive. Errors of pitch leave out
-  /// whole turns and are in the role that the node plays.
+  /// whole turns and are in the role that the node plays; in space they are angles between what is
+  /// vertical in both frames (TiltBetween).
   double entry_z_error_m = 0;
   double entry_pitch_error_rad = 0;
   /// The largest of the root's velocities at the start [m/s, rad/s].
@@ -60,14 +62,16 @@ struct PlayedNode {
   double torque_margin_nm = 0;
   /// The deepest penetration into the compliant layer.
   double peak_penetration_m = 0;
-  /// How far the root moved along x.
+  /// How far the root moved along x; in space, in any level direction.
   double travelled_m = 0;
-  /// How far the root turned, whole turns included.
+  /// How far the root turned, whole turns included; in space about the vertical, as the sum of all
+  /// small turns.
   double turned_rad = 0;
   /// What the motion is for, each target at its instant, in the coordinates of its task: as if it
-  /// had begun where its primitive begins. What is asked for at the end of the settle phase and
-  /// later is taken just before the next motion begins, where there is one. Of a target whose
-  /// instant the chain did not reach there is no result.
+  /// had begun where its primitive begins, in space also with the heading that it has there. What
+  /// is asked for at the end of the settle phase and later is taken just before the next motion
+  /// begins, where there is one. Of a target whose instant the chain did not reach there is no
+  /// result.
   std::vector<JudgedTarget> purpose;
 };
 
@@ -80,9 +84,9 @@ struct ChainFailure {
     kOverlap,      ///< Shapes of the robot that are to stay apart went through each other.
     kStop,         ///< A joint without a motor went beyond its limits.
     kFallen,       ///< The root turned far from where it is when the primitive is played alone.
-    kExit,         ///< At the end of the hold, the pitch was out of the node's tolerance.
+    kExit,         ///< At the end of the hold, pitch or tilt were out of the node's tolerance.
     kPurpose,      ///< A target of what the motion is for was missed.
-    kEntry,        ///< Height or pitch were out of the tolerances when the next node was to begin.
+    kEntry,        ///< Height, pitch or tilt did not fit when the next node was to begin.
   };
   Cause cause = Cause::kImplausible;
   int node = 0;
@@ -100,7 +104,7 @@ struct ChainOutcome {
   /// Number of complete cycles.
   int cycles = 0;
   double duration_s = 0;
-  double travelled_m = 0;
+  double travelled_m = 0;  ///< From the start to the end, as of a passage.
 
   /// How many targets were judged in the passages, and how many were not.
   struct Judged {
@@ -119,11 +123,16 @@ void RequireSameGround(const SimulatedMotion& motion);
 /// at rest in the entry pose of the first node. From then on the state is carried from primitive to
 /// primitive, through the holds between them, and never reset. In a swapped node the joints follow
 /// each other's paths; the simulated robot stays as it is and need not be symmetric.
-/// @param visitor  called at every integration step, with the node; may be empty.
+/// @param motion   of a robot in the plane or in space.
+/// @param visitor  called at every integration step in the plane, with the node; may be empty.
 /// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
 /// std::invalid_argument when the branch is not in the sequence, or the sequence would never end,
 /// or when its primitives have different passive joints, or any while joints exchange their roles.
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});
+/// The same with a visitor in space.
+/// @pre the motion is of a robot in space.
+ChainOutcome SimulateChainInSpace(const SimulatedMotion& motion, const ChainOptions& options,
+                                  const std::function<void(int, const SpaceSample&)>& visitor = {});
 
 }  // namespace tumbler

@@ -199,14 +199,36 @@ bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
               [&](double time_s) { return visitor(time_s, robot.Positions()); });
 }
 
+bool PlayThroughDrivesInSpace(
+    std::span<const DrivenMotion> motions, const PlayedRobot<Spatial>& played,
+    const std::function<bool(std::size_t, const DrivenSample&)>& visitor) {
+  const DrivenMotion& first = motions.front();
+  DrivenRobotIn<Spatial> robot(*first.problem, *first.x, first.feed_forward, played);
+  bool goes_on = true;
+  double began_s = 0;
+  for (std::size_t i = 0; i < motions.size() && goes_on; ++i) {
+    const DrivenMotion& motion = motions[i];
+    if (i > 0) robot.Begin(*motion.problem, *motion.x, motion.feed_forward, began_s);
+    began_s += motion.until_s;
+    const bool plausible =
+        Play(*motion.problem, robot, motion.until_s, played.finer, [&](double time_s) {
+          goes_on =
+              visitor(i, {time_s, robot.Positions(), robot.Velocities(), &robot.chart().axes});
+          return goes_on;
+        });
+    if (!plausible) return false;
+  }
+  return true;
+}
+
 bool PlayThroughDrivesInSpace(const Problem& problem, const std::vector<double>& x,
                               std::span<const JointMotion<double>::Spline> feed_forward,
                               const PlayedRobot<Spatial>& played, double until_s,
                               const std::function<bool(const DrivenSample&)>& visitor) {
-  DrivenRobotIn<Spatial> robot(problem, x, feed_forward, played);
-  return Play(problem, robot, until_s, played.finer, [&](double time_s) {
-    return visitor({time_s, robot.Positions(), robot.Velocities(), &robot.chart().axes});
-  });
+  const DrivenMotion motion{&problem, &x, feed_forward, until_s};
+  return PlayThroughDrivesInSpace(
+      {&motion, 1}, played,
+      [&visitor](std::size_t, const DrivenSample& sample) { return visitor(sample); });
 }
 
 PlayedRobot<Spatial> NominalInSpace(const Problem& problem, const Disturbance& disturbance) {

@@ -21,6 +21,7 @@ struct Disturbance {
 /// A force on the origin of the root's frame, for a while.
 template <class Space>
 struct RootPush {
+  /// Since the start; of motions that are played one after the other, of the first of them.
   double start_s = 0, duration_s = 0;
   typename Space::Vector force_n = Space::Vector::Zero();
 };
@@ -65,8 +66,22 @@ struct DrivenSample {
   const SpaceMatrix* axes = nullptr;  ///< Of the root, whose angles are 0.
 };
 
-/// The same in space.
-/// @param played  NominalInSpace, or a robot that differs.
+/// A motion in space that is played through drives.
+struct DrivenMotion {
+  const Problem* problem = nullptr;
+  const std::vector<double>* x = nullptr;                          ///< Its parameters.
+  std::span<const JointMotion<double>::Spline> feed_forward = {};  ///< Of each joint.
+  double until_s = 0;  ///< Since it began. Then the next one begins, or all is over.
+};
+
+/// The same in space, of motions of one robot that are played one after the other: each begins
+/// where the robot is then, and on a tick of its own. The first begins where its problem does.
+/// @param played   NominalInSpace, or a robot that differs.
+/// @param visitor  gets the index of the motion and the time since that began.
+bool PlayThroughDrivesInSpace(
+    std::span<const DrivenMotion> motions, const PlayedRobot<Spatial>& played,
+    const std::function<bool(std::size_t motion, const DrivenSample&)>& visitor);
+/// The same of one motion.
 bool PlayThroughDrivesInSpace(const Problem& problem, const std::vector<double>& x,
                               std::span<const JointMotion<double>::Spline> feed_forward,
                               const PlayedRobot<Spatial>& played, double until_s,

@@ -37,7 +37,7 @@ class DrivenRobotIn {
   DrivenRobotIn(const Problem& problem, const std::vector<double>& x,
                 std::span<const JointMotion<double>::Spline> feed_forward,
                 const PlayedRobot<Space>& played)
-      : problem_(problem),
+      : problem_(&problem),
         gains_(played.gains),
         period_s_(played.period_s),
         push_(played.push),
@@ -49,9 +49,9 @@ class DrivenRobotIn {
     if (played.scene.robot.root_dofs > 0)
       state_[Index(robot_.FreeIndexOf(kRootPitch))] += played.lean_rad;
     robot_.Use(chart_);
+    TakePaths(x, feed_forward);
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const ActuatedJoint& joint = problem.joints[j];
-      drives_.push_back({PositionSpline(problem, x, j), feed_forward[j], {}});
       dry_friction_nm_.push_back(played.scene.motors.empty()
                                      ? played.scene.robot.dry_friction_nm[Index(joint.dof)]
                                      : joint.motor.dry_friction_nm);
@@ -59,13 +59,23 @@ class DrivenRobotIn {
     }
   }
 
+  /// Goes on with another motion, of which the time begins at 0.
+  /// @param problem  of the same robot.
+  /// @param began_s  since the start of the first motion.
+  void Begin(const Problem& problem, const std::vector<double>& x,
+             std::span<const JointMotion<double>::Spline> feed_forward, double began_s) {
+    problem_ = &problem;
+    began_s_ = began_s;
+    TakePaths(x, feed_forward);
+  }
+
   /// The longest step that the drives' damping allows: that of a joint's inertia over kd, with
   /// which the classical method is stable also where the inertia is a third of that at the start.
   double LongestStep() {
     constexpr double kShortest_s = 50e-6;  // that of the twin
     robot_.SetFree(state_);
-    double longest_s = problem_.solver.step_s;
-    for (const ActuatedJoint& joint : problem_.joints) {
+    double longest_s = problem_->solver.step_s;
+    for (const ActuatedJoint& joint : problem_->joints) {
       const double by_torque = AccelerationBy(joint.dof, 1) - AccelerationBy(joint.dof, 0);
       longest_s = std::min(longest_s, 1 / (by_torque * gains_.kd_nm_s_per_rad));
     }
@@ -75,7 +85,8 @@ class DrivenRobotIn {
   /// @returns whether the state is plausible after the step.
   bool Step(double time_s, double step_s) {
     TakeSetpoints(time_s);
-    pushed_ = push_ && time_s >= push_->start_s && time_s < push_->start_s + push_->duration_s;
+    const double since_push_s = push_ ? began_s_ + time_s - push_->start_s : -1;
+    pushed_ = since_push_s >= 0 && since_push_s < push_->duration_s;
     const std::size_t free = robot_.free.size();
     StepRungeKutta<kClassical>(state_, 2 * free, step_s,
                                [this](int, const typename Dynamics::State& state, double* k) {
@@ -124,6 +135,14 @@ class DrivenRobotIn {
     return scene;
   }
 
+  void TakePaths(const std::vector<double>& x,
+                 std::span<const JointMotion<double>::Spline> feed_forward) {
+    drives_.clear();
+    for (std::size_t j = 0; j < problem_->joints.size(); ++j)
+      drives_.push_back({PositionSpline(*problem_, x, j), feed_forward[j], {}});
+    tick_ = kNoTick;
+  }
+
   double AccelerationBy(int dof, double torque_nm) {
     robot_.tau.fill(0);
     robot_.Touch();
@@ -137,8 +156,8 @@ class DrivenRobotIn {
     const double tick = std::floor((time_s - kUsualDelay_s) / period_s_ + 1e-6);
     if (tick == tick_) return;
     tick_ = tick;
-    const double t = std::clamp(tick * period_s_, 0.0, problem_.duration_s);
-    const bool moves = tick * period_s_ < problem_.duration_s;
+    const double t = std::clamp(tick * period_s_, 0.0, problem_->duration_s);
+    const bool moves = tick * period_s_ < problem_->duration_s;
     for (Drive& drive : drives_) {
       const auto path = drive.path.Evaluate(t);
       drive.setpoint = {path.value, moves ? path.first : 0, drive.feed_forward.Evaluate(t).value};
@@ -154,7 +173,7 @@ class DrivenRobotIn {
           root_body_, Space::ForceAt(robot_.dynamics.position(root_body_), push_->force_n));
     }
     for (std::size_t j = 0; j < drives_.size(); ++j) {
-      const ActuatedJoint& joint = problem_.joints[j];
+      const ActuatedJoint& joint = problem_->joints[j];
       const Setpoint& setpoint = drives_[j].setpoint;
       const std::size_t dof = Index(joint.dof);
       const double velocity = robot_.qd[dof];
@@ -169,18 +188,20 @@ class DrivenRobotIn {
     robot_.TakeSlope(k);
   }
 
-  const Problem& problem_;
+  const Problem* problem_;
   std::vector<double> dry_friction_nm_;  // of each joint
   DriveGains gains_;
   double period_s_;
   std::optional<RootPush<Space>> push_;
   bool pushed_ = false;  // now
+  double began_s_ = 0;
   int root_body_;
   Dynamics robot_;
   typename Dynamics::State state_;
   RootChart<Space> chart_;
   std::vector<Drive> drives_;
-  double tick_ = -1e9;  ///< Whose setpoints the drives have.
+  static constexpr double kNoTick = -1e9;
+  double tick_ = kNoTick;  ///< Whose setpoints the drives have.
 };
 
 }  // namespace tumbler

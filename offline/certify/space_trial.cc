@@ -3,8 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <utility>
+
+#include "offline/problem/space_task.h"
+#include "offline/problem/task_frame.h"
 
 namespace tumbler {
 
@@ -23,38 +27,116 @@ std::vector<DueInSpace> DueTargetsInSpace(const Problem& problem,
   return due;
 }
 
-double LastDue(std::span<const DueInSpace> targets) {
-  double last_s = 0;
-  for (const DueInSpace& due : targets) last_s = std::max(last_s, due.time_s);
-  return last_s;
+double LastDue(const JudgedMotion& motion) {
+  if (motion.targets.empty()) return motion.problem->duration_s + motion.problem->settle_s;
+  return std::ranges::max(motion.targets, {}, &DueInSpace::time_s).time_s;
+}
+
+namespace {
+
+/// Judges motions while they are played.
+class SpaceJudge {
+ public:
+  explicit SpaceJudge(std::span<const JudgedMotion> motions) : motions_(motions) {
+    for (const JudgedMotion& motion : motions) {
+      first_.push_back(trial.purpose.size());
+      for (const DueInSpace& due : motion.targets) trial.purpose.push_back({due.target, {}});
+    }
+  }
+
+  /// @returns whether to go on.
+  bool Look(std::size_t which, const DrivenSample& at) {
+    if (which != now_) {
+      if (std::ranges::any_of(OfNow(), &SpaceJudge::Fails)) return false;
+      now_ = which;
+      began_ = false;
+    }
+    if (!began_) Begin(at);
+    bool placed = false;
+    const JudgedMotion& motion = motions_[now_];
+    for (std::size_t i = 0; i < motion.targets.size(); ++i) {
+      const double until_s = Until(motion.targets[i]);
+      if (at.time_s > until_s + 1e-9 || at.time_s <= until_s - kRestWatched_s) continue;
+      if (!std::exchange(placed, true)) Place(at);
+      const DueInSpace& due = motion.targets[i];
+      std::optional<double>& result = OfNow()[i].result;
+      const double value = due.gauge.At(q_, qd_, axes_);
+      const bool speed = due.target.of == PurposeTarget::Of::kSpeed;
+      result = speed && result ? std::max(*result, value) : value;
+    }
+    return true;
+  }
+
+  /// The motion's targets from now on have no result.
+  void LoseNow() {
+    for (JudgedTarget& judged : OfNow()) judged.result.reset();
+  }
+
+  SpaceTrial trial;
+
+ private:
+  [[nodiscard]] std::span<JudgedTarget> OfNow() {
+    return std::span(trial.purpose).subspan(first_[now_], motions_[now_].targets.size());
+  }
+
+  static bool Fails(const JudgedTarget& judged) { return !judged.met().value_or(false); }
+
+  [[nodiscard]] double Until(const DueInSpace& due) const {
+    const JudgedMotion& motion = motions_[now_];
+    if (now_ + 1 == motions_.size())
+      return due.lasts() && motion.hold_s > 0 ? LastDue(motion) + motion.hold_s : due.time_s;
+    const double end_s = motion.problem->duration_s + motion.hold_s;
+    return due.lasts() ? end_s : std::min(due.time_s, end_s);
+  }
+
+  void Begin(const DrivenSample& at) {
+    began_ = true;
+    const Problem& problem = *motions_[now_].problem;
+    const PrimitivePose entry =
+        ToPrimitivePose({problem.start_q, problem.space->start_orientation});
+    frame_ = TaskFrame(entry, at.q[0], at.q[1], *at.axes);
+  }
+
+  void Place(const DrivenSample& at) {
+    q_.assign(at.q.begin(), at.q.end());
+    qd_.assign(at.qd.begin(), at.qd.end());
+    axes_ = *at.axes;
+    frame_.Enter(q_, qd_, axes_);
+  }
+
+  std::span<const JudgedMotion> motions_;
+  std::vector<std::size_t> first_;  // target of each motion
+  std::size_t now_ = 0;             // the motion
+  bool began_ = false;
+  TaskFrame frame_;
+  std::vector<double> q_, qd_;
+  SpaceMatrix axes_ = SpaceMatrix::Identity();
+};
+
+}  // namespace
+
+SpaceTrial TryInSpace(std::span<const JudgedMotion> motions, const PlayedRobot<Spatial>& played) {
+  std::vector<DrivenMotion> driven;
+  for (const JudgedMotion& motion : motions) {
+    driven.push_back({motion.problem, motion.x, motion.feed_forward,
+                      motion.problem->duration_s + motion.hold_s});
+  }
+  const JudgedMotion& last = motions.back();
+  driven.back().until_s = LastDue(last) + last.hold_s + last.problem->solver.step_s;
+  SpaceJudge judge(motions);
+  judge.trial.finite = PlayThroughDrivesInSpace(
+      driven, played,
+      [&judge](std::size_t which, const DrivenSample& at) { return judge.Look(which, at); });
+  if (!judge.trial.finite) judge.LoseNow();
+  return std::move(judge.trial);
 }
 
 SpaceTrial TryInSpace(const Problem& problem, const std::vector<double>& x,
                       std::span<const JointMotion<double>::Spline> feed_forward,
                       std::span<const DueInSpace> targets, const PlayedRobot<Spatial>& played,
                       double hold_s) {
-  SpaceTrial trial;
-  for (const DueInSpace& due : targets) trial.purpose.push_back({due.target, std::nullopt});
-  const double last_s = LastDue(targets);
-  const auto judge = [&](const DrivenSample& at) {
-    for (std::size_t i = 0; i < targets.size(); ++i) {
-      const DueInSpace& due = targets[i];
-      const double until_s = due.lasts() && hold_s > 0 ? last_s + hold_s : due.time_s;
-      if (at.time_s > until_s + 1e-9) continue;
-      std::optional<double>& result = trial.purpose[i].result;
-      const double value = due.gauge.At(at.q, at.qd, *at.axes);
-      const bool speed = due.target.of == PurposeTarget::Of::kSpeed;
-      const bool watched = speed && at.time_s > until_s - kRestWatched_s && result;
-      result = watched ? std::max(*result, value) : value;
-    }
-    return true;
-  };
-  trial.finite = PlayThroughDrivesInSpace(problem, x, feed_forward, played,
-                                          last_s + hold_s + problem.solver.step_s, judge);
-  if (!trial.finite) {
-    for (JudgedTarget& judged : trial.purpose) judged.result.reset();
-  }
-  return trial;
+  const JudgedMotion motion{&problem, &x, feed_forward, targets, hold_s};
+  return TryInSpace({&motion, 1}, played);
 }
 
 }  // namespace tumbler

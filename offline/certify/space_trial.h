@@ -30,21 +30,33 @@ struct DueInSpace {
 std::vector<DueInSpace> DueTargetsInSpace(const Problem& problem,
                                           std::span<const PurposeFigure> purpose);
 
-/// When the last of the targets is due [s].
-double LastDue(std::span<const DueInSpace> targets);
+/// A motion of those that a robot plays one after the other, and what it is for.
+struct JudgedMotion {
+  const Problem* problem = nullptr;
+  const std::vector<double>* x = nullptr;                          ///< Its parameters.
+  std::span<const JointMotion<double>::Spline> feed_forward = {};  ///< Of each joint.
+  std::span<const DueInSpace> targets = {};
+  /// From the end of the motion until the next one begins. Of the last motion: how long the robot
+  /// is watched after the last target; 0: what is to last is judged when it is due.
+  double hold_s = 0;
+};
+
+/// When a motion's last target is due; without any, when it has settled [s].
+double LastDue(const JudgedMotion& motion);
 
 /// What became of a robot.
 struct SpaceTrial {
   bool finite = true;                 ///< Whether its state stayed plausible.
-  std::vector<JudgedTarget> purpose;  ///< In the order of the targets.
+  std::vector<JudgedTarget> purpose;  ///< In the order of the motions, and of their targets.
   [[nodiscard]] bool as_asked() const { return finite && AllMet(purpose).value_or(false); }
 };
 
-/// Plays a motion on a robot (PlayThroughDrivesInSpace), and judges it: every target at the last
-/// step before its time is over; what is to last, at the end of the hold. A speed is the largest of
-/// the last moments before that.
-/// @param hold_s  how long the robot is watched after the last target; 0: what is to last is judged
-///                when it is due.
+/// Plays motions on a robot one after the other (PlayThroughDrivesInSpace), until one is not as
+/// asked, and judges each in the coordinates of its task (TaskFrame): every target at the last step
+/// before its time is over; what is to last, just before the next motion begins, or at the end of
+/// the hold. A speed is the largest of the last moments before that.
+SpaceTrial TryInSpace(std::span<const JudgedMotion> motions, const PlayedRobot<Spatial>& played);
+/// The same of one motion.
 SpaceTrial TryInSpace(const Problem& problem, const std::vector<double>& x,
                       std::span<const JointMotion<double>::Spline> feed_forward,
                       std::span<const DueInSpace> targets, const PlayedRobot<Spatial>& played,

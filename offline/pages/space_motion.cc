@@ -40,42 +40,63 @@ SpacePlot PlotOf(const Problem& problem, const char* title, const char* unit,
   return plot;
 }
 
+/// Makes the page of samples that come one after the other.
+class PageOfSamples {
+ public:
+  /// @param frame_s  between frames.
+  PageOfSamples(const Problem& problem, double frame_s, double end_s)
+      : problem_(problem), frame_s_(frame_s), end_s_(end_s) {
+    const SpaceScene& scene = problem.space->scene;
+    page.bodies = BodiesOf(scene.robot);
+    page.obstacles = scene.obstacles;
+    const double limit = problem.joints.front().limits.torque_max_nm;
+    const bool same = std::ranges::all_of(problem.joints, [limit](const ActuatedJoint& joint) {
+      return joint.limits.torque_max_nm == limit;
+    });
+    page.plots = {
+        PlotOf(problem, "Joint position", "rad", std::nullopt),
+        PlotOf(problem, "Joint torque", "N·m", same ? std::optional(limit) : std::nullopt)};
+  }
+
+  void Take(const SpaceSample& sample) {
+    const bool last = std::abs(sample.time_s - end_s_) <= 1e-9;
+    if (sample.time_s > end_s_ + 1e-9 || (sample.time_s < next_s_ - 1e-9 && !last)) return;
+    next_s_ += frame_s_;
+    if (!page.frames.empty() && !(sample.time_s > page.frames.back().time_s + 1e-6)) return;
+    page.frames.push_back(FrameOf(sample, problem_.space->scene.robot));
+    for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+      page.plots[0].series[j].values.push_back(sample.q[Index(problem_.joints[j].dof)]);
+      page.plots[1].series[j].values.push_back(sample.torque[j]);
+    }
+  }
+
+  SpaceMotionPage page;
+
+ private:
+  const Problem& problem_;
+  double frame_s_, end_s_;
+  double next_s_ = 0;
+};
+
+constexpr const char* kModelNote =
+    "Simulated as the model, with joints that follow their paths exactly; whether it holds "
+    "through drives, for robots that differ, or in other physics is not shown here.";
+
 }  // namespace
 
 SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>& x,
                                     const PrimitiveFile& file) {
   const Problem& problem = task.problem;
-  const SpaceScene& scene = problem.space->scene;
-  SpaceMotionPage page;
+  PageOfSamples samples(problem, kFrame_s, problem.duration_s + problem.settle_s);
+  VisitWithOwnDistance(problem, x, problem.solver.step_s,
+                       [&](const auto& sample, const SelfClearance& /*own*/, double /*least_m*/) {
+                         if constexpr (std::is_same_v<std::decay_t<decltype(sample)>, SpaceSample>)
+                           samples.Take(sample);
+                       });
+  SpaceMotionPage page = std::move(samples.page);
   page.title = problem.name;
   page.subtitle = fmt::format("{}, seed {}", file.provenance.tool, file.provenance.seed);
-  page.bodies = BodiesOf(scene.robot);
-  page.obstacles = scene.obstacles;
   page.motion_s = problem.duration_s;
-  const double limit = problem.joints.front().limits.torque_max_nm;
-  const bool same = std::ranges::all_of(problem.joints, [limit](const ActuatedJoint& joint) {
-    return joint.limits.torque_max_nm == limit;
-  });
-  page.plots = {PlotOf(problem, "Joint position", "rad", std::nullopt),
-                PlotOf(problem, "Joint torque", "N·m", same ? std::optional(limit) : std::nullopt)};
-  double next_s = 0;
-  const double end_s = problem.duration_s + problem.settle_s;
-  const auto take = [&](const auto& sample) {
-    if constexpr (std::is_same_v<std::decay_t<decltype(sample)>, SpaceSample>) {
-      const bool last = std::abs(sample.time_s - end_s) <= 1e-9;
-      if (sample.time_s > end_s + 1e-9 || (sample.time_s < next_s - 1e-9 && !last)) return;
-      next_s += kFrame_s;
-      if (!page.frames.empty() && !(sample.time_s > page.frames.back().time_s + 1e-6)) return;
-      page.frames.push_back(FrameOf(sample, scene.robot));
-      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-        page.plots[0].series[j].values.push_back(sample.q[Index(problem.joints[j].dof)]);
-        page.plots[1].series[j].values.push_back(sample.torque[j]);
-      }
-    }
-  };
-  VisitWithOwnDistance(
-      problem, x, problem.solver.step_s,
-      [&](const auto& sample, const SelfClearance& /*own*/, double /*least_m*/) { take(sample); });
   for (const PurposeFigure& figure : file.purpose) {
     // What is nearly nothing is nothing to people.
     const bool nothing = std::abs(figure.result) < 1e-3 * figure.tolerance;
@@ -88,9 +109,40 @@ SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>&
   page.facts.emplace_back("peak penetration",
                           fmt::format("{:.2f} mm", 1e3 * certificate.peak_penetration_m));
   page.facts.emplace_back("gradient error", fmt::format("{:.1e}", certificate.gradient_error));
-  page.notes =
-      "Simulated as the model, with joints that follow their paths exactly; whether it holds "
-      "through drives, for robots that differ, or in other physics is not shown here.";
+  page.notes = kModelNote;
+  return page;
+}
+
+SpaceMotionPage MakeSpaceChainPage(const SimulatedMotion& motion, const ChainOptions& options) {
+  const SequenceFile& file = motion.file();
+  const ChainOutcome outcome = SimulateChainInSpace(motion, options);
+  // A long chain does not make a page of tens of megabytes.
+  constexpr double kMostFrames = 4000;
+  PageOfSamples samples(motion.ProblemOf(0), std::max(kFrame_s, outcome.duration_s / kMostFrames),
+                        outcome.duration_s);
+  SimulateChainInSpace(motion, options,
+                       [&](int, const SpaceSample& sample) { samples.Take(sample); });
+  SpaceMotionPage page = std::move(samples.page);
+  page.title = file.graph.name.view();
+  page.subtitle = fmt::format("{} passages, {} cycles", outcome.passages.size(), outcome.cycles);
+  page.motion_s = outcome.duration_s;
+  page.facts.emplace_back(
+      "chain", outcome.failure ? fmt::format("{} at {:.2f} s: {}", ToString(outcome.failure->cause),
+                                             outcome.failure->time_s, outcome.failure->text)
+                               : "no fall");
+  page.facts.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
+  for (const PlayedNode& p : outcome.passages) {
+    const std::string which =
+        fmt::format("{} at {:.2f} s", file.graph.node(p.node).name.view(), p.start_s);
+    page.facts.emplace_back(
+        which, fmt::format("tilt off by {:.1e} rad, {:.3f} m and {:.3f} rad on, peak torque {:.2f} "
+                           "N·m, penetration {:.2f} mm",
+                           p.exit_pitch_error_rad, p.travelled_m, p.turned_rad, p.peak_torque_nm,
+                           1e3 * p.peak_penetration_m));
+    for (const JudgedTarget& judged : p.purpose)
+      page.facts.emplace_back(fmt::format("{}, {}", which, judged.name()), judged.Verdict());
+  }
+  page.notes = kModelNote;
   return page;
 }
 

@@ -317,4 +317,14 @@ struct Problem {
   }
 };
 
+/// Whether two problems with the same URDF have joints that are alike: motors, springs and dampers.
+/// @pre both are of a robot in the plane, or both in space; likewise below.
+inline bool SameJoints(const Problem& a, const Problem& b) {
+  return a.space ? SameJoints(a.space->scene, b.space->scene) : SameJoints(a.scene, b.scene);
+}
+/// Whether the ground of two problems is the same: obstacles, contact and gravity.
+inline bool SameGround(const Problem& a, const Problem& b) {
+  return a.space ? SameGround(a.space->scene, b.space->scene) : SameGround(a.scene, b.scene);
+}
+
 }  // namespace tumbler

@@ -32,10 +32,7 @@ SimulatedMotion SimulatedMotion::Alone(int node) const {
 void RequireOneRobot(const SimulatedMotion& motion) {
   const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    const Problem &first = motion.ProblemOf(0), &other = motion.ProblemOf(i);
-    if (first.space ? SameJoints(first.space->scene, other.space->scene)
-                    : SameJoints(first.scene, other.scene))
-      continue;
+    if (SameJoints(motion.ProblemOf(0), motion.ProblemOf(i))) continue;
     throw FileError(
         file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
         fmt::format("was made for other [motor] or [passive], or damping of joints, or locked "

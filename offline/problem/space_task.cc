@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/functions.h"
 #include "common/files/file_keys.h"
 #include "offline/model/contact_intent.h"
 #include "offline/problem/contact_toml.h"
@@ -21,6 +22,7 @@
 #include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_parts.h"
+#include "offline/problem/task_toml.h"
 #include "offline/problem/tied_toml.h"
 #include "offline/scene/quaternion.h"
 #include "offline/scene/scene_dynamics.h"
@@ -290,7 +292,7 @@ constexpr std::array kStartKeys = {
 
 class Reader {
  public:
-  Reader(TomlTable root, const Robot& robot, const std::optional<PrimitivePose>& given)
+  Reader(TomlTable root, const Robot& robot, const std::optional<StartPose>& given)
       : root_(std::move(root)), given_(given), scene_(problem_.space.emplace().scene) {
     scene_.robot = ReduceToSpace(robot);
   }
@@ -382,10 +384,14 @@ class Reader {
     pose.orientation = ToRotation(UnitQuaternion(start, "quaternion", entry.quaternion));
     root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
     if (given_) {
-      pose.q[0] = given_->root_x_m;
-      pose.q[1] = given_->root_y_m;
-      pose.q[2] = given_->root_z_m;
-      pose.orientation = ToRotation(given_->root_quaternion);
+      CheckGivenJoints(start, *given_, problem_);
+      const PrimitivePose& from = *given_->pose;
+      const SpaceMatrix orientation = ToRotation(from.root_quaternion);
+      if (!given_->own) CheckGivenTurn(start, pose.orientation, orientation);
+      pose.q[0] = from.root_x_m;
+      pose.q[1] = from.root_y_m;
+      pose.q[2] = from.root_z_m;
+      pose.orientation = orientation;
     } else if (!entry.z_m) {
       try {
         pose = RestPose(scene_, pose);
@@ -398,6 +404,21 @@ class Reader {
     problem_.start_q = pose.q;
     problem_.space->start_orientation = pose.orientation;
     CheckNotBuried(start, pose, entry.z_m.has_value());
+  }
+
+  /// Checks that the root is turned nearly as the task says, its heading included: what costs ask
+  /// for is along axes of the world.
+  void CheckGivenTurn(TomlTable& start, const SpaceMatrix& asked, const SpaceMatrix& is) const {
+    const double cosine = ToQuaternion(is * asked.transpose())[0];  // of half the angle
+    const double apart = 2 * portable::Atan2(std::sqrt(std::max(0.0, 1 - cosine * cosine)), cosine);
+    if (apart <= kStartPitchTolerance) return;
+    std::vector<std::string> parts;
+    for (const double part : ToQuaternion(is)) parts.push_back(fmt::format("{:.4f}", part));
+    start.Fail("quaternion",
+               fmt::format("has the root turned {} rad from {}, which has it at [{}]; allowed: <= "
+                           "{} rad",
+                           MessageNumber(apart), given_->from, fmt::join(parts, ", "),
+                           kStartPitchTolerance));
   }
 
   /// Checks that no shape starts deeper in an obstacle than the compliant layer is thick.
@@ -422,7 +443,7 @@ class Reader {
   }
 
   TomlTable root_;
-  const std::optional<PrimitivePose>& given_;
+  const std::optional<StartPose>& given_;
   Problem problem_;
   SpaceScene& scene_;
 };
@@ -462,8 +483,7 @@ Quaternion UnitQuaternion(TomlTable& table, std::string_view key, const Quaterni
 
 Obstacle<Spatial> ReadSpaceObstacle(TomlTable& table) { return in_space::ReadOne(table); }
 
-Problem ReadSpaceTask(TomlTable root, const Robot& robot,
-                      const std::optional<PrimitivePose>& given) {
+Problem ReadSpaceTask(TomlTable root, const Robot& robot, const std::optional<StartPose>& given) {
   return in_space::Reader(std::move(root), robot, given).Read();
 }
 

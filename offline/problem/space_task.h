@@ -9,18 +9,17 @@
 #include "common/files/toml_reader.h"
 #include "offline/model/robot.h"
 #include "offline/problem/problem.h"
+#include "offline/problem/start_toml.h"
 #include "offline/scene/quaternion.h"
 
 namespace tumbler {
 
 /// Reads a task of a robot in space, of which header, `robot`, `root` and `locked` were read.
 /// @param robot  with a floating root.
-/// @param given  the pose in which the motion begins instead of the task's: the entry of a
-/// primitive
-///               that was made from it.
+/// @param given  the pose in which the motion begins instead of the task's, which has to agree with
+///               it: the entry of a primitive that was made from it, or the exit of another one.
 /// @throws FileError  with file, line, key, value and allowed range.
-Problem ReadSpaceTask(TomlTable root, const Robot& robot,
-                      const std::optional<PrimitivePose>& given);
+Problem ReadSpaceTask(TomlTable root, const Robot& robot, const std::optional<StartPose>& given);
 
 /// The pose of a robot in space as a primitive's file has it.
 PrimitivePose ToPrimitivePose(const SpacePose& pose);

@@ -20,6 +20,26 @@ namespace {
 /// How far from rest the pitch of a robot on a bar may be asked for [rad].
 constexpr double kStartPitchOnBar = 0.5;
 
+/// Checks that a joint begins as fast as the motion before leaves it.
+void CheckGivenVelocity(TomlTable& start, const StartPose& given, const ActuatedJoint& joint,
+                        const JointMotion<double>& motion) {
+  const bool ends_moving =
+      std::ranges::any_of(given.primitive->motions(), [](const JointMotion<double>& other) {
+        return std::abs(other.position.control_points(1).back()) > kStartJointTolerance;
+      });
+  // After a motion that ends at rest the joints are held.
+  const double velocity = ends_moving ? motion.position.control_points(1).back() : 0;
+  const double apart = std::abs(velocity - joint.start_rad_s);
+  if (apart <= kStartJointTolerance) return;
+  start.Fail(
+      "joints_rad_s",
+      fmt::format("has '{}' at {} rad/s, but {} has it at {} rad/s: {} rad/s apart; allowed: <= "
+                  "{} rad/s",
+                  motion.name.view(), MessageNumber(joint.start_rad_s), given.from,
+                  MessageNumber(velocity), MessageNumber(apart),
+                  MessageNumber(kStartJointTolerance)));
+}
+
 class StartReader {
  public:
   StartReader(TomlTable& root, const std::optional<StartPose>& given,
@@ -35,7 +55,10 @@ class StartReader {
     for (const ActuatedJoint& joint : problem_.joints) {
       problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
     }
-    if (given_) CheckGivenJoints(start);
+    if (given_) {
+      TakeGivenPassive(start);
+      CheckGivenJoints(start, *given_, problem_);
+    }
     for (std::size_t i = 0; i < passive_start_.size(); ++i)
       problem_.start_q[Index(scene_.robot.passive[i].dof)] = passive_start_[i];
     if (scene_.robot.root_dofs == 0) {
@@ -179,10 +202,8 @@ class StartReader {
                            remedy));
   }
 
-  /// Checks that the joints of the given pose are those of the task, and are where the task starts.
-  /// Passive joints start where the pose has them.
-  void CheckGivenJoints(TomlTable& start) {
-    TomlTable joints = start.Table("joints_rad");
+  /// Passive joints start where the given pose has them.
+  void TakeGivenPassive(TomlTable& start) {
     if (given_->pose->passive_positions_rad.size() != passive_start_.size()) {
       start.Fail("", fmt::format("has {} joints without a motor, but {} has {}; give both the same "
                                  "[passive]",
@@ -190,45 +211,6 @@ class StartReader {
                                  given_->pose->passive_positions_rad.size()));
     }
     passive_start_ = given_->pose->passive_positions_rad;
-    const std::span<const JointMotion<double>> motions = given_->primitive->motions();
-    for (const ActuatedJoint& joint : problem_.joints) {
-      const std::string& name = scene_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
-      const auto motion = std::find_if(motions.begin(), motions.end(),
-                                       [&](const auto& m) { return m.name.view() == name; });
-      if (motion == motions.end()) {
-        joints.Fail(name,
-                    fmt::format("is a joint of the task, but {} has none of it", given_->from));
-      }
-      const double position =
-          given_->pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
-      const double apart = std::abs(position - joint.start_rad);
-      if (!given_->own) CheckGivenVelocity(joint, *motion);
-      if (apart <= kStartJointTolerance) continue;
-      joints.Fail(name,
-                  fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
-                              "{} rad",
-                              MessageNumber(joint.start_rad), given_->from, MessageNumber(position),
-                              MessageNumber(apart), MessageNumber(kStartJointTolerance)));
-    }
-  }
-
-  /// Checks that a joint begins as fast as the motion before leaves it.
-  void CheckGivenVelocity(const ActuatedJoint& joint, const JointMotion<double>& motion) {
-    const bool ends_moving =
-        std::ranges::any_of(given_->primitive->motions(), [](const JointMotion<double>& other) {
-          return std::abs(other.position.control_points(1).back()) > kStartJointTolerance;
-        });
-    // After a motion that ends at rest the joints are held.
-    const double velocity = ends_moving ? motion.position.control_points(1).back() : 0;
-    const double apart = std::abs(velocity - joint.start_rad_s);
-    if (apart <= kStartJointTolerance) return;
-    root_.Table("start").Fail(
-        "joints_rad_s",
-        fmt::format("has '{}' at {} rad/s, but {} has it at {} rad/s: {} rad/s apart; allowed: <= "
-                    "{} rad/s",
-                    motion.name.view(), MessageNumber(joint.start_rad_s), given_->from,
-                    MessageNumber(velocity), MessageNumber(apart),
-                    MessageNumber(kStartJointTolerance)));
   }
 
   TomlTable& root_;
@@ -239,6 +221,28 @@ class StartReader {
 };
 
 }  // namespace
+
+void CheckGivenJoints(TomlTable& start, const StartPose& given, const Problem& problem) {
+  TomlTable joints = start.Table("joints_rad");
+  const std::span<const JointMotion<double>> motions = given.primitive->motions();
+  for (const ActuatedJoint& joint : problem.joints) {
+    const std::string& name = problem.name_of(joint);
+    const auto motion = std::find_if(motions.begin(), motions.end(),
+                                     [&](const auto& m) { return m.name.view() == name; });
+    if (motion == motions.end())
+      joints.Fail(name, fmt::format("is a joint of the task, but {} has none of it", given.from));
+    const double position =
+        given.pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
+    const double apart = std::abs(position - joint.start_rad);
+    if (!given.own) CheckGivenVelocity(start, given, joint, *motion);
+    if (apart <= kStartJointTolerance) continue;
+    joints.Fail(name,
+                fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
+                            "{} rad",
+                            MessageNumber(joint.start_rad), given.from, MessageNumber(position),
+                            MessageNumber(apart), MessageNumber(kStartJointTolerance)));
+  }
+}
 
 std::vector<double> ReadPassiveStart(TomlTable& root, const Scene& scene) {
   std::vector<double> passive;

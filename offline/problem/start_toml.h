@@ -24,6 +24,12 @@ struct StartPose {
   bool own = false;                    // whether it is the entry of a primitive made from this task
 };
 
+/// Checks that the joints of a given pose are those of the task, and are where the task starts.
+/// @param start    the task's `[start]`.
+/// @param problem  has the joints with their starts.
+/// @throws FileError naming the joint, both positions or velocities, and the amount.
+void CheckGivenJoints(TomlTable& start, const StartPose& given, const Problem& problem);
+
 /// Reads where each passive joint starts [rad]: by `start.joints_rad`, or where its spring is
 /// slack.
 /// @throws FileError where a joint may not be there, or `end.joints_rad` names one.

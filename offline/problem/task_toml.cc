@@ -273,7 +273,7 @@ Task Parse(const std::string& task_text, const std::string& task_name,
       throw FileError(
           task_name, 0, "root",
           fmt::format("{} is of a robot in space (root = \"floating\"), which this does "
-                      "not take; docs/space.md says what does: tumbler run sim, "
+                      "not take; docs/space.md says what does: tumbler run sim, tumbler chain, "
                       "tumbler robustness, tumbler view --out with it alone",
                       given->from));
     }
@@ -284,14 +284,12 @@ Task Parse(const std::string& task_text, const std::string& task_name,
           "its motions, tumbler robustness and tumbler run sim play them, but not this; allowed "
           "here: planar-xz, fixed, hinge-y");
     }
-    std::optional<PrimitivePose> pose;
-    if (given) pose = *given->pose;
-    if (pose && !pose->is_in_space()) {
+    if (given && !given->pose->is_in_space()) {
       root.Fail("root", fmt::format("is \"floating\", and {} has no root_quaternion, which every "
                                     "motion of a robot in space has: make it again",
                                     given->from));
     }
-    task.problem = ReadSpaceTask(std::move(root), in_space, pose);
+    task.problem = ReadSpaceTask(std::move(root), in_space, given);
   } else {
     if (given && given->pose->is_in_space()) {
       root.Fail("root", fmt::format("is of a robot in the plane, and {} has a root_quaternion, as "
@@ -405,16 +403,23 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
       task_text, task_name, robot_text, robot_name,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)},
-      TaskSpaces::kPlane);
-  const Scene scene_before = TaskOf(before).problem.scene;
-  if (!SameJoints(task.problem.scene, scene_before)) {
+      TaskSpaces::kPlaneAndSpace);
+  const Problem problem_before = TaskOf(before, TaskSpaces::kPlaneAndSpace).problem;
+  if (problem_before.space && problem_before.ends_moving()) {
+    throw FileError(
+        before_path, 0, "exit",
+        fmt::format("is in motion, and motions in space begin at rest, that of {}, too; "
+                    "allowed: a motion that ends at rest",
+                    task_name));
+  }
+  if (!SameJoints(task.problem, problem_before)) {
     throw FileError(before_path, 0, "provenance.task_toml",
                     fmt::format("has other [motor] or [passive], or damping of joints, or locked "
                                 "joints, than the task {}: what "
                                 "one robot does is no start for another; give both the same",
                                 task_name));
   }
-  if (!SameGround(task.problem.scene, scene_before)) {
+  if (!SameGround(task.problem, problem_before)) {
     throw FileError(
         before_path, 0, "provenance.task_toml",
         fmt::format("has other [contact], [[obstacle]] or slope than the task {}: the robot "

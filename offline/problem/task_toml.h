@@ -42,8 +42,9 @@ struct Task {
 inline constexpr double kStartJointTolerance = 1e-6;
 
 /// The largest distance [rad] between the root's pitch at the exit of one primitive and at the
-/// start of the task. It only tells the task's shape from another (upside down, or with the roles
-/// of the legs exchanged). The pose itself is taken as it is.
+/// start of the task; in space between its orientations, the heading included. It only tells the
+/// task's shape from another (upside down, or with the roles of the legs exchanged). The pose
+/// itself is taken as it is.
 inline constexpr double kStartPitchTolerance = 0.3;
 
 /// Which tasks a caller can use.
@@ -59,7 +60,7 @@ enum class TaskSpaces {
 Task LoadTask(const std::string& path, TaskSpaces takes = TaskSpaces::kPlane);
 
 /// The same, but the motion starts where `before` leaves the robot (its simulated exit: root and
-/// joints at rest) rather than in the task's ideal pose.
+/// joints at rest) rather than in the task's ideal pose. Of robots in the plane and in space.
 /// @throws FileError  also when the exit is not the shape in which the task starts, or was made for
 ///                    another robot, other motors or springs, or another ground. It names joint,
 ///                    quantity and amount.

@@ -4,9 +4,10 @@
 
 #include <cmath>
 #include <iterator>
-#include <stdexcept>
+#include <vector>
 
 #include "common/core/index.h"
+#include "offline/certify/planned_passages.h"
 
 namespace tumbler {
 namespace {
@@ -68,36 +69,18 @@ class Rows {
 std::string SetpointsCsv(const SequenceFile& file, const DriveGains& gains,
                          const SetpointOptions& options) {
   const auto& graph = file.graph;
-  if (!options.branch.empty() && !graph.HasBranch(options.branch)) {
-    throw std::invalid_argument(
-        fmt::format("the sequence '{}' has no branch '{}'", graph.name.view(), options.branch));
-  }
+  const std::vector<PlannedPassage> planned =
+      PlannedPassages(graph, options.cycles, options.branch);
   Rows rows(file, gains, options.rate_hz);
-  int node = graph.start, cycles = 0, since_cycle = 0;
-  bool branched = false;
-  rows.Hold(node, 0, options.lead_s, false);
-  for (;;) {
-    const double duration_s = file.PrimitiveOf(node).primitive.duration_s;
-    rows.Play(node, duration_s);
-    const bool ends_cycle = graph.node(node).ends_cycle;
-    cycles += ends_cycle ? 1 : 0;
-    since_cycle = ends_cycle ? 0 : since_cycle + 1;
-    const int edge = NextEdge(graph, node, cycles,
-                              PlannedRequest(options.cycles, options.branch, cycles, branched));
-    if (edge < 0) {
-      rows.Hold(node, duration_s, options.last_hold_s, true);
-      return rows.Take();
-    }
-    if (since_cycle > graph.node_count || cycles > options.cycles + graph.node_count) {
-      throw std::invalid_argument(
-          fmt::format("the sequence '{}' goes round for ever: give it a number of cycles and a "
-                      "node that ends a cycle, or a branch on its way",
-                      graph.name.view()));
-    }
-    branched = branched || graph.edge(edge).when == EdgeCondition::kBranch;
-    rows.Hold(node, duration_s, graph.edge(edge).settle_s, true);
-    node = graph.edge(edge).to;
+  rows.Hold(graph.start, 0, options.lead_s, false);
+  for (const PlannedPassage& passage : planned) {
+    const double duration_s = file.PrimitiveOf(passage.node).primitive.duration_s;
+    rows.Play(passage.node, duration_s);
+    const double hold_s =
+        passage.edge < 0 ? options.last_hold_s : graph.edge(passage.edge).settle_s;
+    rows.Hold(passage.node, duration_s, hold_s, true);
   }
+  return rows.Take();
 }
 
 }  // namespace tumbler

@@ -18,6 +18,8 @@
 #include "offline/certify/chain.h"
 #include "offline/pages/motion_report.h"
 #include "offline/pages/page_file.h"
+#include "offline/pages/space_motion.h"
+#include "offline/pages/space_page.h"
 
 namespace tumbler {
 namespace {
@@ -147,7 +149,9 @@ Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
 
 ExitStatus Simulate(const Arguments& arguments) {
   std::vector<std::string> inputs;
-  const SimulatedMotion motion(LoadSequence(arguments.sequence, NotingReader(inputs)));
+  const SimulatedMotion motion(LoadSequence(arguments.sequence, NotingReader(inputs)),
+                               TaskSpaces::kPlaneAndSpace);
+  const bool in_space = motion.problem().space.has_value();
   std::vector<std::string> outputs = {arguments.json};
   if (!arguments.report.empty()) outputs.push_back(PagePath(arguments.report));
   CheckDistinct(inputs, outputs);
@@ -158,7 +162,7 @@ ExitStatus Simulate(const Arguments& arguments) {
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
   fmt::print(people, "{:>9} {:<22} {:>10} {:>10} {:>9} {:<8} {:>7} {:>7} {:>9} {:>8}\n",
              "start [s]", "node", "entry err", "exit err", "speed", "posture", "[N m]", "[mm]",
-             "dx [m]", "turn");
+             in_space ? "level [m]" : "dx [m]", "turn");
   for (const PlayedNode& p : outcome.passages) {
     fmt::print(people,
                "{:9.2f} {:<22} {:10.2e} {:10.2e} {:9.1e} {:<8} {:7.2f} {:7.2f} {:9.4f} {:8.4f}\n",
@@ -166,8 +170,9 @@ ExitStatus Simulate(const Arguments& arguments) {
                p.exit_pitch_error_rad, p.exit_speed, ToString(p.posture), p.peak_torque_nm,
                1e3 * p.peak_penetration_m, p.travelled_m, p.turned_rad);
   }
-  fmt::print(people, "{}: {} cycles in {:.2f} s, {:.3f} m along x; {}\n", file.graph.name.view(),
+  fmt::print(people, "{}: {} cycles in {:.2f} s, {:.3f} m {}; {}\n", file.graph.name.view(),
              outcome.cycles, outcome.duration_s, outcome.travelled_m,
+             in_space ? "from where it began" : "along x",
              outcome.failure ? "it did not go through" : "no fall");
   const ChainOutcome::Judged purposes = outcome.CountJudged();
   if (!outcome.failure) {
@@ -188,8 +193,11 @@ ExitStatus Simulate(const Arguments& arguments) {
                file.graph.node(worst->node).name.view(), worst->start_s, -worst->torque_margin_nm);
   }
   if (!arguments.report.empty()) {
-    fmt::print(people, "report {}\n",
-               WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
+    fmt::print(
+        people, "report {}\n",
+        in_space
+            ? WritePage(SpacePage(MakeSpaceChainPage(motion, arguments.options)), arguments.report)
+            : WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
   }
   if (!arguments.json.empty()) WriteResult(arguments.json, ToJson(file, outcome).Dump(2) + '\n');
   if (!outcome.failure) return purposes.not_judged == 0 ? ExitStatus::kDone : ExitStatus::kAmiss;

@@ -150,6 +150,20 @@ void CheckWindow(const CommandLine& line) {
   }
 }
 
+/// Checks how far a sequence is to be played.
+void CheckWay(const Arguments& arguments, const SequenceFile& motion) {
+  const std::string& name = arguments.study.motion;
+  if (!arguments.branch.empty()) {
+    if (!motion.graph.HasBranch(arguments.branch))
+      throw UsageError("--branch", fmt::format("{} has no branch '{}'", name, arguments.branch));
+  } else if (motion.graph.edge_count == 0 && arguments.study.run.cycles != 0) {
+    throw UsageError("--cycles",
+                     fmt::format("is for sequences that go round; {} ends by itself", name));
+  } else if (motion.graph.edge_count > 0 && arguments.study.run.cycles == 0) {
+    throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", name));
+  }
+}
+
 /// Checks what is asked for against the motion and the files.
 void Check(Arguments& arguments) {
   RobustnessStudy& study = arguments.study;
@@ -166,18 +180,8 @@ void Check(Arguments& arguments) {
   std::vector<std::string> outputs = {arguments.json, arguments.plan.checkpoint, page};
   if (arguments.report != page) outputs.push_back(arguments.report);  // The folder of the page.
   CheckDistinct(inputs, outputs);
-  if (!arguments.branch.empty()) {
-    study.run.branch = motion.graph.FindBranch(arguments.branch);
-    if (study.run.branch < 0) {
-      throw UsageError("--branch",
-                       fmt::format("{} has no branch '{}'", study.motion, arguments.branch));
-    }
-  } else if (motion.graph.edge_count == 0 && study.run.cycles != 0) {
-    throw UsageError(
-        "--cycles", fmt::format("is for sequences that go round; {} ends by itself", study.motion));
-  } else if (motion.graph.edge_count > 0 && study.run.cycles == 0) {
-    throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", study.motion));
-  }
+  if (!arguments.branch.empty()) study.run.branch = motion.graph.FindBranch(arguments.branch);
+  CheckWay(arguments, motion);
   if (study.drops && (study.disturbs() || arguments.compare_lanes)) {
     throw UsageError("--drops",
                      "is played in the twin, and nothing else happens to robots that are dropped; "
@@ -306,21 +310,24 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
 
 /// What a study of a motion in space does not have.
 void CheckSpaceOptions(const CommandLine& line) {
-  for (const char* option : {"--cycles", "--get-ups", "--branch", "--twin", "--sensor-faults",
-                             "--lanes", "--compare-lanes", "--drops", "--checkpoint", "--shard",
-                             "--merge", "--report", "--window", "--certify", "--drives"}) {
+  for (const char* option :
+       {"--get-ups", "--twin", "--sensor-faults", "--lanes", "--compare-lanes", "--drops",
+        "--checkpoint", "--shard", "--merge", "--report", "--window", "--certify", "--drives"}) {
     if (!line.Given(option)) continue;
     throw UsageError(option,
                      "is for motions in the plane so far; this one is of a robot in space, "
-                     "for which there are --robots, --seed, --scale, --hold-s, --push, --period-s, "
-                     "--json and the spreads of links and ground");
+                     "for which there are --robots, --seed, --scale, --cycles, --branch, --hold-s, "
+                     "--push, --period-s, --json and the spreads of links and ground");
   }
 }
 
 ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
   CheckSpaceOptions(line);
+  CheckWay(arguments, LoadMotion(arguments.study.motion));
   SpaceStudy study;
   study.motion = arguments.study.motion;
+  study.cycles = arguments.study.run.cycles;
+  study.branch = arguments.branch;
   study.robots = arguments.plan.robots;
   study.seed = arguments.seed.value_or(study.seed);
   study.scale = arguments.study.scale;
@@ -362,11 +369,6 @@ ExitStatus Main(int argc, char** argv) {
   line.Parse(argc, argv);
   const std::string& motion = arguments.study.motion;
   if (IsMotionInSpace(motion)) return PlayInSpace(line, arguments);
-  if (LoadMotion(motion).primitives.front().entry.is_in_space()) {
-    throw FileError(motion, 0, "",
-                    "is a sequence of a robot in space, of which only single primitives are played "
-                    "here so far; give one of them, or play the sequence with tumbler run sim");
-  }
   if (line.Given("--period-s"))
     throw UsageError("--period-s", "is for motions of robots in space; this one is in the plane");
   if (arguments.window) CheckWindow(line);

@@ -33,6 +33,7 @@
 #include "offline/python/motion_path.h"
 #include "offline/python/record_object.h"
 #include "offline/python/simulated_run.h"
+#include "offline/studies/space_study.h"
 #include "offline/studies/spread_names.h"
 #include "offline/studies/study.h"
 
@@ -259,9 +260,98 @@ void SetSpreads(const std::map<std::string, py::object>& wanted, Spreads& spread
   }
 }
 
+RobustnessMap MapOf(const SpaceStudyResult& result) {
+  RobustnessMap map;
+  map.json = ToJson(result).Dump(0);
+  std::vector<double> sigma;
+  for (std::size_t i = 0; i < result.trials.size(); ++i) {
+    const SpaceTrial& trial = result.trials[i];
+    map.verdicts.emplace_back(trial.as_asked() ? "stands" : "amiss");
+    map.reasons.push_back(result.ReasonOf(trial));
+    map.stands.push_back(trial.as_asked());
+    map.judged.push_back(true);
+    map.left_s.push_back(std::numeric_limits<double>::quiet_NaN());
+    for (const RobotVariation::Deviate& deviate : result.deviates[i])
+      sigma.push_back(deviate.sigma);
+  }
+  if (!result.deviates.empty()) {
+    for (const RobotVariation::Deviate& deviate : result.deviates.front())
+      map.parameters.push_back(deviate.name);
+  }
+  map.sigma = std::make_shared<const std::vector<double>>(std::move(sigma));
+  return map;
+}
+
+/// What robots are asked for.
+struct RobotsAsked {
+  RobustnessStudy study;
+  WorkPlan plan;
+  std::string branch;
+  std::optional<double> hold_s, period_s;
+};
+
+/// @param work  plays them while Python goes on; gets a function that is told how many are known,
+///              which may be empty.
+RobustnessMap Watched(
+    const std::string& motion, const py::object& progress,
+    const std::function<std::optional<RobustnessMap>(
+        std::atomic<bool>& stop, const std::function<void(int)>& progress)>& work) {
+  ProgressCallback callback(progress);
+  std::optional<RobustnessMap> map = Interruptibly([&](std::atomic<bool>& stop) {
+    std::function<void(int)> tell;
+    if (callback.wanted()) {
+      tell = [&](int known) {
+        if (!callback.Call([known] { return py::int_(known); })) stop = true;
+      };
+    }
+    return Reading(motion, [&](const std::string& /*path*/) { return work(stop, tell); });
+  });
+  callback.Rethrow();
+  if (!map) throw Refused("the study was stopped before all robots were played");
+  return std::move(*map);
+}
+
+RobustnessMap MapInSpace(const RobotsAsked& asked, const py::object& progress) {
+  const auto refuse = [](bool given, const char* name) {
+    if (!given) return;
+    throw py::value_error(
+        fmt::format("{}: is for motions in the plane so far; this one is of a robot in space, for "
+                    "which there are robots, cycles, branch, seed, scale, spreads, hold_s, "
+                    "period_s, threads, progress",
+                    name));
+  };
+  refuse(asked.study.run.get_ups != 0, "get_ups");
+  refuse(!asked.study.drives.empty(), "drives");
+  refuse(!asked.study.twin.empty(), "twin");
+  refuse(asked.study.lanes, "lanes");
+  SpaceStudy study;
+  study.motion = asked.study.motion;
+  study.cycles = asked.study.run.cycles;
+  study.branch = asked.branch;
+  study.robots = asked.plan.robots;
+  study.seed = asked.study.seed;
+  study.scale = asked.study.scale;
+  study.spreads = asked.study.spreads;
+  study.hold_s = asked.hold_s.value_or(study.hold_s);
+  study.period_s = asked.period_s.value_or(study.period_s);
+  study.threads = asked.plan.threads;
+  CheckWithin("period_s", study.period_s, 1e-4, 0.1);
+  return Watched(study.motion, progress,
+                 [&study](std::atomic<bool>& stop, const std::function<void(int)>& tell) {
+                   study.interrupt = &stop;
+                   study.progress = tell;
+                   const SpaceStudyResult result = RunSpaceStudy(study);
+                   const bool all = static_cast<int>(result.trials.size()) == study.robots;
+                   return all ? std::optional(MapOf(result)) : std::nullopt;
+                 });
+}
+
 /// Plays robots. @param progress  is called with how many are known.
-RobustnessMap MapRobots(const py::object& motion, RobustnessStudy study, WorkPlan plan,
-                        const std::string& branch, const py::object& progress) {
+RobustnessMap MapRobots(const py::object& motion, RobotsAsked asked, const py::object& progress) {
+  RobustnessStudy& study = asked.study;
+  WorkPlan& plan = asked.plan;
+  constexpr double kHold_s = 2;  // in the plane
+  study.run.hold_s = asked.hold_s.value_or(kHold_s);
   CheckWithin("robots", plan.robots, 1, 10000000);
   CheckWithin("cycles", study.run.cycles, 0, 100000);
   CheckWithin("scale", study.scale, 0.0, 10.0);
@@ -274,23 +364,17 @@ RobustnessMap MapRobots(const py::object& motion, RobustnessStudy study, WorkPla
   study.motion = path.path();
   const SequenceFile file =
       Reading(study.motion, [](const std::string& p) { return LoadMotion(p); });
-  study.run.branch = BranchOf(file, study.motion, branch, study.run.cycles);
-  ProgressCallback callback(progress);
-  std::optional<RobustnessMap> map = Interruptibly([&](std::atomic<bool>& stop) {
-    plan.interrupt = &stop;
-    if (callback.wanted()) {
-      plan.progress = [&](int known) {
-        if (!callback.Call([known] { return py::int_(known); })) stop = true;
-      };
-    }
-    return Reading(study.motion, [&](const std::string& /*path*/) {
-      WorkDone work = RunStudy(study, plan, Processes());
-      return work.result ? std::optional(MapOf(*work.result)) : std::nullopt;
-    });
-  });
-  callback.Rethrow();
-  if (!map) throw Refused("the study was stopped before all robots were played");
-  return std::move(*map);
+  study.run.branch = BranchOf(file, study.motion, asked.branch, study.run.cycles);
+  if (file.primitives.front().entry.is_in_space()) return MapInSpace(asked, progress);
+  if (asked.period_s)
+    throw py::value_error("period_s: is for motions of robots in space; this one is in the plane");
+  return Watched(study.motion, progress,
+                 [&](std::atomic<bool>& stop, const std::function<void(int)>& tell) {
+                   plan.interrupt = &stop;
+                   plan.progress = tell;
+                   WorkDone work = RunStudy(study, plan, Processes());
+                   return work.result ? std::optional(MapOf(*work.result)) : std::nullopt;
+                 });
 }
 
 py::array Booleans(const std::vector<bool>& values) {
@@ -327,7 +411,9 @@ void BindRobustnessMap(py::module_& module) {
                             "What became of robots that are not the model, one in each row.")
       .def_property_readonly(
           "verdicts", [](const RobustnessMap& self) { return TextArray(self.verdicts); },
-          "'stands', 'amiss', 'fell', 'overlap', 'fault', 'got up' or 'not judged' of each robot.")
+          "'stands', 'amiss', 'fell', 'overlap', 'fault', 'got up' or 'not judged' of each robot; "
+          "in\n"
+          "space 'stands' or 'amiss'.")
       .def_property_readonly(
           "stands", [](const RobustnessMap& self) { return Booleans(self.stands); },
           "Whether each robot did everything as asked.")
@@ -340,7 +426,8 @@ void BindRobustnessMap(py::module_& module) {
       .def_property_readonly(
           "left_s", [](const RobustnessMap& self) { return ArrayOf(self.left_s); },
           "When each robot left the model's way for good [s since its motion began]; NaN: it did "
-          "not.")
+          "not,\n"
+          "or moves in space.")
       .def_readonly("parameters", &RobustnessMap::parameters,
                     "What robots differ in: the names of the columns of `sigma`.")
       .def_property_readonly(
@@ -386,11 +473,14 @@ void BindRobustness(py::module_& module) {
       module, "robustness",
       [](const py::object& motion, int robots, int cycles, const std::string& branch,
          std::uint64_t seed, double scale, const std::map<std::string, py::object>& spreads,
-         double hold_s, int get_ups, const FilePath& drives, const FilePath& twin, bool lanes,
-         int threads, const py::object& progress) {
-        RobustnessStudy study;
+         std::optional<double> hold_s, int get_ups, const FilePath& drives, const FilePath& twin,
+         bool lanes, int threads, const py::object& progress, std::optional<double> period_s) {
+        RobotsAsked asked;
+        asked.branch = branch;
+        asked.hold_s = hold_s;
+        asked.period_s = period_s;
+        RobustnessStudy& study = asked.study;
         study.run.cycles = cycles;
-        study.run.hold_s = hold_s;
         study.run.get_ups = get_ups;
         study.seed = seed;
         study.scale = scale;
@@ -398,10 +488,9 @@ void BindRobustness(py::module_& module) {
         study.twin = NameOf(twin);
         study.lanes = lanes;
         SetSpreads(spreads, study.spreads);
-        WorkPlan plan;
-        plan.robots = robots;
-        plan.threads = threads;
-        return MapRobots(motion, std::move(study), std::move(plan), branch, progress);
+        asked.plan.robots = robots;
+        asked.plan.threads = threads;
+        return MapRobots(motion, std::move(asked), progress);
       },
       "Plays a motion on robots that differ from the model, as tumbler robustness does.\n\n"
       "It is a Primitive, or the file of a primitive or a sequence. `spreads` are standard\n"
@@ -412,12 +501,14 @@ void BindRobustness(py::module_& module) {
       "is the same whatever the number of robots and threads (0: one for each core). `progress` "
       "is\n"
       "called now and then with how many are known; when it returns False the work ends by\n"
-      "Refused. Throws FileError, Refused.",
+      "Refused. `hold_s` is 2 in the plane and 0 in space, if left out. Of a robot in space\n"
+      "setpoints change every `period_s` (2.5 ms if left out), and there are no get_ups, drives,\n"
+      "twin and lanes. Throws FileError, Refused.",
       py::arg("motion"), py::kw_only(), py::arg("robots") = 100, py::arg("cycles") = 0,
       py::arg("branch") = "", py::arg("seed") = 1, py::arg("scale") = 1.0,
-      py::arg("spreads") = py::dict(), py::arg("hold_s") = 2.0, py::arg("get_ups") = 0,
+      py::arg("spreads") = py::dict(), py::arg("hold_s") = py::none(), py::arg("get_ups") = 0,
       py::arg("drives") = py::none(), py::arg("twin") = py::none(), py::arg("lanes") = false,
-      py::arg("threads") = 0, py::arg("progress") = py::none());
+      py::arg("threads") = 0, py::arg("progress") = py::none(), py::arg("period_s") = py::none());
 }
 
 }  // namespace

@@ -124,8 +124,9 @@ void BindTasks(py::module_& module) {
           "values", [](const Task& self) { return ValuesOf(self.task_text); },
           "The keys that the file gives, as nested dictionaries and lists.")
       .def_property_readonly(
-          "model", [](const TaskPointer& self) { return std::make_shared<RobotModel>(self); },
-          "The robot on its ground, whose equations of motion can be called.")
+          "model", [](const TaskPointer& self) { return ModelOf(self); },
+          "The robot on its ground, whose equations of motion can be called: a Model, or a\n"
+          "SpaceModel of a robot in space.")
       .def("__eq__", &SameTask, py::is_operator())
       .def("__hash__",
            [](const Task& self) {
@@ -138,7 +139,7 @@ void BindTasks(py::module_& module) {
           [](const py::tuple& state) {
             const auto text = [&state](std::size_t i) { return state[i].cast<std::string>(); };
             return std::make_shared<Task>(Reading(text(1), [&](const std::string& name) {
-              return ParseTask(text(0), name, text(2), text(3));
+              return ParseTask(text(0), name, text(2), text(3), TaskSpaces::kPlaneAndSpace);
             }));
           }))
       .def("__repr__", [](const Task& self) { return "<tumbler.Task " + self.problem.name + ">"; });

@@ -1,21 +1,26 @@
 #include "offline/studies/space_study.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <cstddef>
+#include <deque>
 #include <mutex>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <stdexcept>
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
-#include "common/files/toml_reader.h"
+#include "common/files/sequence_toml.h"
+#include "offline/certify/chain.h"
+#include "offline/certify/planned_passages.h"
 #include "offline/certify/space_trial.h"
-#include "offline/problem/task_toml.h"
+#include "offline/problem/simulated_motion.h"
 #include "offline/scene/normal.h"
 #include "offline/solve/guess.h"
 #include "offline/studies/spread_names.h"
@@ -26,15 +31,76 @@ namespace {
 
 constexpr std::uint64_t kPushSeed = 0x9b1a615e;  // so that pushes say nothing of the robot
 
-/// @throws std::invalid_argument  about a purpose that is none of a robot in space.
-std::vector<DueInSpace> TargetsOf(const std::string& path, const PrimitiveFile& file,
-                                  const Problem& problem) {
-  try {
-    return DueTargetsInSpace(problem, file.purpose);
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(fmt::format("{}: {}", path, error.what()));
+/// The motions that each robot plays. What they point to does not move.
+class Played {
+ public:
+  /// @throws std::invalid_argument  about a purpose that is none of a robot in space, and as
+  /// PlannedPassages.
+  explicit Played(const SpaceStudy& study)
+      : motion_(LoadMotion(study.motion), TaskSpaces::kPlaneAndSpace) {
+    RequireSameGround(motion_);
+    RequireOneRobot(motion_);
+    const SequenceFile& file = motion_.file();
+    gains_ = GainsOf(file).value_or(motion_.problem().drive_gains());
+    for (std::size_t i = 0; i < file.primitives.size(); ++i) {
+      const PrimitiveFile& primitive = file.primitives[i];
+      Source& source = sources_.emplace_back();
+      source.x = ParametersOf(primitive.primitive);
+      for (const JointMotion<double>& joint : primitive.primitive.motions())
+        source.feed_forward.push_back(joint.torque);
+      source.targets =
+          TargetsOf(study.motion, file.primitive_names[i], primitive.purpose, motion_.ProblemOf(i));
+    }
+    int cycle = 1;
+    for (const PlannedPassage& passage : PlannedPassages(file.graph, study.cycles, study.branch)) {
+      const Source& source = sources_[Index(file.graph.node(passage.node).primitive)];
+      played_.push_back({&motion_.ProblemAt(passage.node), &source.x, source.feed_forward,
+                         source.targets,
+                         passage.edge < 0 ? study.hold_s : file.graph.edge(passage.edge).settle_s});
+      motions_.push_back(
+          {std::string(file.graph.node(passage.node).name.view()), cycle, source.targets.size()});
+      cycle = passage.cycles + 1;
+    }
   }
-}
+
+  [[nodiscard]] const SpaceScene& model() const { return motion_.problem().space->scene; }
+  [[nodiscard]] const DriveGains& gains() const { return gains_; }
+  [[nodiscard]] std::span<const JudgedMotion> played() const { return played_; }
+  [[nodiscard]] const std::vector<StudiedMotion>& motions() const { return motions_; }
+  [[nodiscard]] bool for_nothing() const {
+    return std::ranges::all_of(motions_, [](const auto& motion) { return motion.targets == 0; });
+  }
+  /// When the hold of the last motion begins, since the start of the first [s].
+  [[nodiscard]] double HoldBegins() const {
+    double begins_s = LastDue(played_.back());
+    for (std::size_t i = 0; i + 1 < played_.size(); ++i)
+      begins_s += played_[i].problem->duration_s + played_[i].hold_s;
+    return begins_s;
+  }
+
+ private:
+  struct Source {
+    std::vector<double> x;
+    std::vector<JointMotion<double>::Spline> feed_forward;
+    std::vector<DueInSpace> targets;
+  };
+
+  static std::vector<DueInSpace> TargetsOf(const std::string& path, const std::string& name,
+                                           std::span<const PurposeFigure> purpose,
+                                           const Problem& problem) {
+    try {
+      return DueTargetsInSpace(problem, purpose);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(fmt::format("{}: '{}': {}", path, name, error.what()));
+    }
+  }
+
+  SimulatedMotion motion_;
+  DriveGains gains_;
+  std::deque<Source> sources_;  // by primitive
+  std::vector<JudgedMotion> played_;
+  std::vector<StudiedMotion> motions_;
+};
 
 /// Spreads that say something of robots in space.
 void CheckSpreads(const Spreads& spreads) {
@@ -51,27 +117,26 @@ void CheckSpreads(const Spreads& spreads) {
   }
 }
 
-SpaceTrial PlayOne(const Problem& problem, const PrimitiveFile& file, const std::vector<double>& x,
-                   const std::vector<DueInSpace>& targets, const SpaceStudy& study,
-                   const DriveGains& gains, int index) {
-  const SpaceScene& model = problem.space->scene;
-  const RobotVariation variation =
-      DrawRobot(model, study.spreads, study.scale, study.seed, static_cast<std::uint64_t>(index));
-  PlayedRobot<Spatial> played{Varied(model, variation), gains, 0, study.period_s, std::nullopt};
-  std::vector<JointMotion<double>::Spline> feed_forward;
-  for (const JointMotion<double>& motion : file.primitive.motions())
-    feed_forward.push_back(motion.torque);
-  const double last_s = LastDue(targets);
+RobotVariation Drawn(const Played& motions, const SpaceStudy& study, int index) {
+  return DrawRobot(motions.model(), study.spreads, study.scale, study.seed,
+                   static_cast<std::uint64_t>(index));
+}
+
+SpaceTrial PlayOne(const Played& motions, const SpaceStudy& study, int index) {
+  const RobotVariation variation = Drawn(motions, study, index);
+  PlayedRobot<Spatial> played{Varied(motions.model(), variation), motions.gains(), 0,
+                              study.period_s, std::nullopt};
   if (study.push_n > 0) {
     // Late enough that the robot has settled, and so early that it has time to fall.
     constexpr double kPushed_s = 0.1, kBefore_s = 0.2, kAfter_s = 0.7;
     Normal random(study.seed ^ kPushSeed, static_cast<std::uint64_t>(index));
-    const double from_s = last_s + kBefore_s, to_s = last_s + study.hold_s - kAfter_s;
+    const double begins_s = motions.HoldBegins();
+    const double from_s = begins_s + kBefore_s, to_s = begins_s + study.hold_s - kAfter_s;
     const auto [sine, cosine] = portable::SinCos(2 * std::numbers::pi * random.DrawUniform());
     played.push = RootPush<Spatial>{from_s + (to_s - from_s) * random.DrawUniform(), kPushed_s,
                                     SpaceVector(cosine, sine, 0) * study.push_n};
   }
-  return TryInSpace(problem, x, feed_forward, targets, played, study.hold_s);
+  return TryInSpace(motions.played(), played);
 }
 
 }  // namespace
@@ -84,35 +149,34 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
         fmt::format("--push: comes in the hold, which is {} s; allowed: with --hold-s 1 or more",
                     study.hold_s));
   }
-  const PrimitiveFile file = LoadPrimitive(study.motion);
-  const Task task = TaskOf(file, TaskSpaces::kPlaneAndSpace);
-  const Problem& problem = task.problem;
-  const std::vector<DueInSpace> targets = in_space::TargetsOf(study.motion, file, problem);
-  if (targets.empty()) {
+  const in_space::Played motions(study);
+  if (motions.for_nothing()) {
     throw std::invalid_argument(
         fmt::format("{}: it is for nothing that a robot could meet or miss", study.motion));
   }
-  if (study.push_n > 0 && std::ranges::none_of(targets, &DueInSpace::lasts)) {
+  if (study.push_n > 0 &&
+      std::ranges::none_of(motions.played().back().targets, &DueInSpace::lasts)) {
     throw std::invalid_argument(fmt::format(
         "--push: nothing that {} is for is to last, so that no robot is judged after its push",
         study.motion));
   }
-  const std::vector<double> x = ParametersOf(file.primitive);
-  SpaceStudyResult result{study, file.drives.value_or(problem.drive_gains()), {}};
+  SpaceStudyResult result{study, motions.gains(), motions.motions(), {}, {}};
   std::vector<SpaceTrial> trials(Index(study.robots));
   std::vector<char> played(trials.size(), 0);
   std::mutex mutex;
   int known = 0;
   ParallelFor(study.robots, study.threads, [&](int i, int /*thread*/) {
     if (study.interrupt != nullptr && *study.interrupt) return;
-    trials[Index(i)] = in_space::PlayOne(problem, file, x, targets, study, result.gains, i);
+    trials[Index(i)] = in_space::PlayOne(motions, study, i);
     played[Index(i)] = 1;
     const std::lock_guard<std::mutex> lock(mutex);
     ++known;
     if (study.progress) study.progress(known);
   });
   for (std::size_t i = 0; i < trials.size(); ++i) {
-    if (played[i] != 0) result.trials.push_back(std::move(trials[i]));
+    if (played[i] == 0) continue;
+    result.trials.push_back(std::move(trials[i]));
+    result.deviates.push_back(in_space::Drawn(motions, study, static_cast<int>(i)).deviates);
   }
   return result;
 }
@@ -122,23 +186,72 @@ Share SpaceStudyResult::share() const {
   return ShareOf(static_cast<int>(count), static_cast<int>(trials.size()));
 }
 
-std::vector<std::pair<std::string, int>> SpaceStudyResult::Missed() const {
-  std::vector<std::pair<std::string, int>> missed;
-  if (trials.empty()) return missed;
-  for (const JudgedTarget& judged : trials.front().purpose)
-    missed.emplace_back(judged.target.name(), 0);
+namespace in_space {
+namespace {
+
+bool Misses(const JudgedTarget& judged) { return !judged.met().value_or(false); }
+
+/// The first motion in which a robot fails; one past the last: none.
+std::size_t FirstFailed(const SpaceStudyResult& result, const SpaceTrial& trial) {
+  std::size_t motion = 0;
+  auto target = trial.purpose.begin();
+  for (; motion < result.motions.size(); ++motion) {
+    const auto end = target + static_cast<std::ptrdiff_t>(result.motions[motion].targets);
+    if (std::any_of(target, end, Misses)) break;
+    target = end;
+  }
+  // A state that leaves every plausible range does so in a motion whose targets have no result; one
+  // without targets is before the first that has some, or the last.
+  return motion == result.motions.size() && !trial.finite ? motion - 1 : motion;
+}
+
+std::string NameOf(const SpaceStudyResult& result, std::size_t motion) {
+  const StudiedMotion& of = result.motions[motion];
+  const bool again = std::ranges::count(result.motions, of.name, &StudiedMotion::name) > 1;
+  return again ? fmt::format("{} of cycle {}", of.name, of.cycle) : of.name;
+}
+
+}  // namespace
+}  // namespace in_space
+
+std::string SpaceStudyResult::ReasonOf(const SpaceTrial& trial) const {
+  const std::size_t motion = in_space::FirstFailed(*this, trial);
+  if (motion == motions.size()) return "";
+  std::vector<std::string> texts;
+  if (!trial.finite) texts.emplace_back("its state left every plausible range");
+  for (const JudgedTarget& judged : trial.purpose) {
+    if (judged.met() == false)
+      texts.push_back(fmt::format("{}: {}", judged.name(), judged.Verdict()));
+  }
+  return fmt::format("{}: {}", in_space::NameOf(*this, motion), fmt::join(texts, "; "));
+}
+
+std::vector<int> SpaceStudyResult::FailedIn() const {
+  std::vector<int> failed(motions.size(), 0);
   for (const SpaceTrial& trial : trials) {
-    for (std::size_t i = 0; i < missed.size(); ++i)
-      missed[i].second += trial.purpose[i].met().value_or(false) ? 0 : 1;
+    const std::size_t motion = in_space::FirstFailed(*this, trial);
+    if (motion < failed.size()) ++failed[motion];
+  }
+  return failed;
+}
+
+std::vector<SpaceStudyResult::Missed> SpaceStudyResult::MissedTargets() const {
+  std::vector<Missed> missed;
+  if (trials.empty()) return missed;
+  for (std::size_t motion = 0, i = 0; motion < motions.size(); ++motion) {
+    for (std::size_t k = 0; k < motions[motion].targets; ++k, ++i) {
+      Missed& target = missed.emplace_back(motion, trials.front().purpose[i].target.name(), 0);
+      for (const SpaceTrial& trial : trials) {
+        const bool here = in_space::FirstFailed(*this, trial) == motion;
+        target.robots += here && in_space::Misses(trial.purpose[i]) ? 1 : 0;
+      }
+    }
   }
   return missed;
 }
 
 bool IsMotionInSpace(const std::string& path) {
-  TomlTable root = TomlTable::ParseFile(path);
-  if (!root.Has("format") || root.String("format") != "tumbler-primitive") return false;
-  std::optional<TomlTable> entry = root.OptionalTable("entry");
-  return entry && entry->Has("root_quaternion");
+  return LoadMotion(path).primitives.front().entry.is_in_space();
 }
 
 std::string ToText(const SpaceStudyResult& result) {
@@ -151,8 +264,16 @@ std::string ToText(const SpaceStudyResult& result) {
       study.hold_s > 0 ? fmt::format(", held for {:.3g} s more", study.hold_s) : "",
       study.push_n > 0 ? fmt::format(", pushed from any side with {:.3g} N for 0.1 s", study.push_n)
                        : "");
-  for (const auto& [name, count] : result.Missed()) {
-    if (count > 0) text += fmt::format("    {} miss {}\n", count, name);
+  const std::vector<int> failed = result.FailedIn();
+  const bool sequence = result.motions.size() > 1;
+  for (std::size_t motion = 0; motion < failed.size(); ++motion) {
+    if (sequence && failed[motion] > 0) {
+      text += fmt::format("  {} fail in {}\n", failed[motion], in_space::NameOf(result, motion));
+    }
+    for (const SpaceStudyResult::Missed& missed : result.MissedTargets()) {
+      if (missed.motion == motion && missed.robots > 0)
+        text += fmt::format("    {} miss {}\n", missed.robots, missed.of);
+    }
   }
   return text;
 }
@@ -160,8 +281,16 @@ std::string ToText(const SpaceStudyResult& result) {
 Json ToJson(const SpaceStudyResult& result) {
   const Share share = result.share();
   auto missed = Json::Array();
-  for (const auto& [name, count] : result.Missed())
-    missed.Append({{"of", name}, {"robots", count}});
+  for (const SpaceStudyResult::Missed& of : result.MissedTargets()) {
+    missed.Append({{"of", of.of}, {"robots", of.robots}, {"motion", static_cast<int>(of.motion)}});
+  }
+  auto motions = Json::Array();
+  const std::vector<int> failed = result.FailedIn();
+  for (std::size_t i = 0; i < failed.size(); ++i) {
+    motions.Append({{"node", result.motions[i].name},
+                    {"cycle", result.motions[i].cycle},
+                    {"failed", failed[i]}});
+  }
   Json spreads = Json::Object();
   for (const SpreadName& name : kSpreadNames) {
     if (!name.none(result.study.spreads)) spreads[name.key] = name.JsonOf(result.study.spreads);
@@ -181,6 +310,7 @@ Json ToJson(const SpaceStudyResult& result) {
           {"push_n", result.study.push_n},
           {"kp_nm_per_rad", result.gains.kp_nm_per_rad},
           {"kd_nm_s_per_rad", result.gains.kd_nm_s_per_rad},
+          {"motions", motions},
           {"missed", missed}};
 }
 

@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "offline/scene/quaternion.h"
 
@@ -61,17 +60,14 @@ void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const
 
 void PurposeJudge::BeginMotion(int node, bool after_another, const TwinState& truth) {
   start_x_m_ = truth.root_x_m;
-  start_y_m_ = truth.root_y_m;
   ended_ = -1;
   moving_ = node;
   // The motion is planned from its entry, of which the last one's exit may be off by a little.
   // How the robot lies decides with which node a run begins, and it may have turned about.
   const PrimitiveFile& primitive = file_.PrimitiveOf(node);
   if (truth.is_in_space()) {
-    // The part about the vertical of how the root is turned against the entry.
-    const SpaceMatrix R =
-        ToRotation(truth.root_quaternion) * ToRotation(primitive.entry.root_quaternion).transpose();
-    turned_about_z_rad_ = portable::Atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1));
+    task_ = TaskFrame(primitive.entry, truth.root_x_m, truth.root_y_m,
+                      ToRotation(truth.root_quaternion));
   }
   const double entry = file_.RobotPitch(node, primitive.entry.root_pitch_rad);
   const double near = after_another ? expected_pitch_rad_ : truth.root_pitch_rad;
@@ -167,24 +163,21 @@ void PurposeJudge::EndMotion(int node, std::int64_t time_ns, const TwinState& tr
   passage.purpose = std::move(under_way_);
 }
 
-void PurposeJudge::TakeRootInSpace(const PrimitivePose& entry, const TwinState& truth) {
-  const SpaceMatrix back =
-      Spatial::RotationBy(SpaceVector::UnitZ(), -turned_about_z_rad_).m;  // of headings
-  const SpaceVector moved =
-      back * SpaceVector(truth.root_x_m - start_x_m_, truth.root_y_m - start_y_m_, truth.root_z_m);
-  const SpaceVector v = back * SpaceVector(truth.root_vx_m_s, truth.root_vy_m_s, truth.root_vz_m_s);
-  q_[0] = moved.x() + entry.root_x_m;
-  q_[1] = moved.y() + entry.root_y_m;
-  q_[2] = moved.z();
-  for (std::size_t i = 0; i < 3; ++i) qd_[i] = v[static_cast<int>(i)];
-  const SpaceMatrix R = ToRotation(truth.root_quaternion);
-  axes_ = back * R;
+void PurposeJudge::TakeRootInSpace(const TwinState& truth) {
+  q_[0] = truth.root_x_m;
+  q_[1] = truth.root_y_m;
+  q_[2] = truth.root_z_m;
+  qd_[0] = truth.root_vx_m_s;
+  qd_[1] = truth.root_vy_m_s;
+  qd_[2] = truth.root_vz_m_s;
+  axes_ = ToRotation(truth.root_quaternion);
   // In these axes the root's angles are 0, and their rates the angular velocity about -y, x and z.
   const std::array<double, 3>& w = truth.root_angular_velocity_rad_s;
-  const SpaceVector local = R.TransposeTimes({w[0], w[1], w[2]});
+  const SpaceVector local = axes_.TransposeTimes({w[0], w[1], w[2]});
   qd_[3] = -local.y();
   qd_[4] = local.x();
   qd_[5] = local.z();
+  task_.Enter(q_, qd_, axes_);
 }
 
 double PurposeJudge::AngleOf(const TwinState& truth, int node) const {
@@ -202,7 +195,7 @@ double PurposeJudge::ResultOf(std::size_t target, int node, const TwinState& tru
         ->second;
   }
   if (truth.is_in_space()) {
-    TakeRootInSpace(primitive.entry, truth);
+    TakeRootInSpace(truth);
   } else if (root_dofs_ > 0) {
     q_[0] = truth.root_x_m - start_x_m_ + primitive.entry.root_x_m;
     q_[1] = truth.root_z_m;

@@ -9,6 +9,7 @@
 
 #include "common/files/sequence_toml.h"
 #include "offline/problem/purpose_gauge.h"
+#include "offline/problem/task_frame.h"
 #include "offline/twin/twin.h"
 #include "runtime/executor/tick.h"
 #include "runtime/run/run_summary.h"
@@ -57,7 +58,7 @@ class PurposeJudge {
   void Watch(std::int64_t time_ns, const TwinState& truth);
   void LeaveOutOne();
   /// Sets q_, qd_ and axes_.
-  void TakeRootInSpace(const PrimitivePose& entry, const TwinState& truth);
+  void TakeRootInSpace(const TwinState& truth);
   /// The root's pitch, or in space the angle of what is vertical with what is at a node's exit.
   [[nodiscard]] double AngleOf(const TwinState& truth, int node) const;
   void BeginMotion(int node, bool after_another, const TwinState& truth);
@@ -79,8 +80,8 @@ class PurposeJudge {
   double expected_pitch_rad_ = 0;
   std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root
   // Of the last motion that began:
-  double start_x_m_ = 0, start_y_m_ = 0;
-  double turned_about_z_rad_ = 0;        // In space: its heading is that of the task plus this.
+  double start_x_m_ = 0;
+  TaskFrame task_;                       // In space.
   double turned_rad_ = 0;                // The robot's pitch is that of the task plus this.
   std::vector<JudgedTarget> under_way_;  // its purpose, until it ends
   // Of the last motion that ended, until another begins:

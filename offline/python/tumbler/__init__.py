@@ -20,6 +20,8 @@ from tumbler._native import (
     RobustnessMap,
     Run,
     Sequence,
+    SpaceKinematics,
+    SpaceModel,
     Spline,
     Task,
     __version__,
@@ -60,6 +62,8 @@ __all__ = [
     "RobustnessMap",
     "Run",
     "Sequence",
+    "SpaceKinematics",
+    "SpaceModel",
     "Spline",
     "Task",
     "__version__",
@@ -69,7 +73,7 @@ __all__ = [
     "simulate",
 ]
 
-for _class in (Joint, Model, Outcome, Primitive, Record, RobustnessMap, Run, Sequence, Spline, Task):
+for _class in (Joint, Model, Outcome, Primitive, Record, RobustnessMap, Run, Sequence, SpaceModel, Spline, Task):
     _class.__module__ = __name__  # Where they are found, also by what was pickled.
     add_html(_class)
 del _class

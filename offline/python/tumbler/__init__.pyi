@@ -140,10 +140,10 @@ class Task:
     @property
     def values(self) -> dict[str, Any]: ...
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model | SpaceModel: ...
 
 class Derivatives(NamedTuple):
-    """Of the results of Model.g (rows) by its arguments (columns), for each state."""
+    """Of the results of g of a model (rows) by its arguments (columns), for each state."""
 
     q: npt.NDArray[np.float64]
     qd: npt.NDArray[np.float64]
@@ -157,8 +157,16 @@ class Kinematics(NamedTuple):
     velocity_m_s: npt.NDArray[np.float64]
     pitch_rate_rad_s: npt.NDArray[np.float64]
 
+class SpaceKinematics(NamedTuple):
+    """The frames of all links in the world, for each state: x, y, z and the unit quaternion w, x, y, z."""
+
+    position_m: npt.NDArray[np.float64]
+    quaternion: npt.NDArray[np.float64]
+    velocity_m_s: npt.NDArray[np.float64]
+    angular_velocity_rad_s: npt.NDArray[np.float64]
+
 class Contacts(NamedTuple):
-    """The contacts of all states that carry force, one in each entry, and each row of x and z."""
+    """The contacts of all states that carry force, one in each entry, and each row of x and z (in space x, y, z)."""
 
     state: npt.NDArray[np.int64]
     shape: npt.NDArray[np.str_]
@@ -181,6 +189,8 @@ class Model:
     @property
     def links(self) -> tuple[str, ...]: ...
     @property
+    def mass_kg(self) -> float: ...
+    @property
     def start(self) -> npt.NDArray[np.float64]: ...
     def g(
         self,
@@ -200,6 +210,48 @@ class Model:
     ) -> Derivatives: ...
     def kinematics(self, q: npt.ArrayLike, qd: npt.ArrayLike | None = None) -> Kinematics: ...
     def contacts(self, q: npt.ArrayLike, qd: npt.ArrayLike | None = None) -> Contacts: ...
+
+class SpaceModel:
+    """A task's robot on its ground, in space. The root's angles are from `quaternion`; None: from that of the start."""
+
+    @property
+    def task(self) -> Task: ...
+    @property
+    def coordinates(self) -> tuple[str, ...]: ...
+    @property
+    def prescribed(self) -> tuple[bool, ...]: ...
+    @property
+    def links(self) -> tuple[str, ...]: ...
+    @property
+    def mass_kg(self) -> float: ...
+    @property
+    def start(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def start_quaternion(self) -> npt.NDArray[np.float64]: ...
+    def g(
+        self,
+        q: npt.ArrayLike,
+        qd: npt.ArrayLike | None = None,
+        input: npt.ArrayLike | None = None,
+        *,
+        quaternion: npt.ArrayLike | None = None,
+        contact: bool = True,
+    ) -> npt.NDArray[np.float64]: ...
+    def dg(
+        self,
+        q: npt.ArrayLike,
+        qd: npt.ArrayLike | None = None,
+        input: npt.ArrayLike | None = None,
+        *,
+        quaternion: npt.ArrayLike | None = None,
+        contact: bool = True,
+    ) -> Derivatives: ...
+    def kinematics(
+        self, q: npt.ArrayLike, qd: npt.ArrayLike | None = None, *, quaternion: npt.ArrayLike | None = None
+    ) -> SpaceKinematics: ...
+    def contacts(
+        self, q: npt.ArrayLike, qd: npt.ArrayLike | None = None, *, quaternion: npt.ArrayLike | None = None
+    ) -> Contacts: ...
 
 class Record(dict[str, npt.NDArray[Any]]):
     """A flight record: every tick of a run, as read-only columns with units in their names."""
@@ -327,11 +379,12 @@ def robustness(
     seed: int = 1,
     scale: float = 1.0,
     spreads: Mapping[str, float | Mapping[str, float]] = {},
-    hold_s: float = 2.0,
+    hold_s: float | None = None,
     get_ups: int = 0,
     drives: str | os.PathLike[str] | None = None,
     twin: str | os.PathLike[str] | None = None,
     lanes: bool = False,
     threads: int = 0,
     progress: Callable[[int], bool | None] | None = None,
+    period_s: float | None = None,
 ) -> RobustnessMap: ...

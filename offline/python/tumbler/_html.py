@@ -130,6 +130,7 @@ _SHOWN = {
     "RobustnessMap": _robustness,
     "Run": _run,
     "Sequence": _sequence,
+    "SpaceModel": _model,
     "Spline": _spline,
     "Task": _task,
 }

@@ -60,10 +60,11 @@ class Objects(support.WithFolder):
             run,
             run.record,
             tumbler.robustness(HANDSTAND, robots=4, lanes=True),
+            tumbler.Task.load(support.PRIMITIVES / "solo8/tasks/walk.toml").model,
         ]
 
     def test_are_of_every_class(self):
-        tuples = {"Contacts", "Derivatives", "Evaluation", "Kinematics", "Progress"}
+        tuples = {"Contacts", "Derivatives", "Evaluation", "Kinematics", "Progress", "SpaceKinematics"}
         classes = {name for name in tumbler.__all__ if inspect.isclass(getattr(tumbler, name))}
         errors = {name for name in classes if issubclass(getattr(tumbler, name), Exception)}
         self.assertEqual({type(o).__name__ for o in self.objects}, classes - errors - tuples)

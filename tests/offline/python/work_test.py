@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -173,6 +174,22 @@ class Robustness(support.WithFolder):
             tumbler.robustness(HANDSTAND, robots=100000, progress=fail)
         with self.assertRaises(tumbler.Refused):
             tumbler.robustness(HANDSTAND, robots=100000, progress=lambda known: False)
+
+    def test_in_space_is_what_the_program_finds(self):
+        solo8 = support.PRIMITIVES / "solo8/walk.toml"
+        path = self.folder / "robots.json"
+        self.run_program("tumbler robustness", solo8, "--robots", 4, "--scale", 2, "--json", path)
+        got = tumbler.robustness(solo8, robots=4, scale=2.0)
+        self.assertEqual(got.summary, json.loads(path.read_text()))
+        self.assertEqual(int(got.stands.sum()), got.summary["as_asked"])
+        self.assertEqual(got.sigma.shape, (4, len(got.parameters)))
+        self.assertEqual([bool(reason) for reason in got.reasons], [not stands for stands in got.stands])
+        self.assertEqual(got, pickle.loads(pickle.dumps(got)))
+        for name, value in {"lanes": True, "get_ups": 1, "drives": "drives.toml", "twin": "twin.toml"}.items():
+            with self.assertRaisesRegex(ValueError, f"{name}: is for motions in the plane so far"):
+                tumbler.robustness(solo8, robots=1, **{name: value})
+        with self.assertRaisesRegex(ValueError, "period_s: is for motions of robots in space"):
+            tumbler.robustness(HANDSTAND, robots=1, period_s=0.002)
 
     def test_refuses_what_it_does_not_know(self):
         for arguments in (

@@ -1,0 +1,40 @@
+#include "offline/certify/planned_passages.h"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+#include "common/files/sequence_toml.h"
+
+namespace tumbler {
+
+std::vector<PlannedPassage> PlannedPassages(const SequenceGraph<double>& graph, int cycles,
+                                            const std::string& branch) {
+  if (!branch.empty() && !graph.HasBranch(branch)) {
+    const std::vector<std::string> names = BranchNames(graph);
+    throw std::invalid_argument(
+        fmt::format("the sequence '{}' has no branch '{}'; its branches: {}", graph.name.view(),
+                    branch, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+  }
+  std::vector<PlannedPassage> passages;
+  int node = graph.start, done = 0, since_cycle = 0;
+  bool branched = false;
+  for (;;) {
+    const bool ends_cycle = graph.node(node).ends_cycle;
+    done += ends_cycle ? 1 : 0;
+    since_cycle = ends_cycle ? 0 : since_cycle + 1;
+    const int edge = NextEdge(graph, node, done, PlannedRequest(cycles, branch, done, branched));
+    passages.push_back({node, edge, done});
+    if (edge < 0) return passages;
+    if (since_cycle > graph.node_count || done > cycles + graph.node_count) {
+      throw std::invalid_argument(fmt::format(
+          "the sequence '{}' goes round for ever: give it a number of cycles and a node that "
+          "ends a cycle, or a branch on its way",
+          graph.name.view()));
+    }
+    branched = branched || graph.edge(edge).when == EdgeCondition::kBranch;
+    node = graph.edge(edge).to;
+  }
+}
+
+}  // namespace tumbler

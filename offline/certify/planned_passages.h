@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/core/sequence.h"
+
+namespace tumbler {
+
+/// A motion of a sequence that is played to its end.
+struct PlannedPassage {
+  int node = 0;
+  int edge = -1;   ///< That is taken after it; -1: it is the last.
+  int cycles = 0;  ///< That are complete when it ends.
+};
+
+/// The motions that a sequence plays, one after the other, when nothing but its plan asks for
+/// anything: so many cycles, and then its end or a branch (PlannedRequest).
+/// @throws std::invalid_argument  when there is no such branch, or it never ends.
+std::vector<PlannedPassage> PlannedPassages(const SequenceGraph<double>& graph, int cycles,
+                                            const std::string& branch);
+
+}  // namespace tumbler
