@@ -5,13 +5,14 @@
 #include <cmath>
 #include <memory>
 #include <stdexcept>
+#include <type_traits>
 #include <vector>
 
 #include "common/core/index.h"
 #include "offline/certify/driven_robot.h"
 #include "offline/scene/lane_kernel.h"
-#include "offline/scene/lane_scene.h"
 #include "offline/scene/scene_dynamics.h"
+#include "offline/scene/space_lanes.h"
 #include "offline/scene/stepper.h"
 #include "offline/solve/rollout.h"
 #include "offline/solve/start_state.h"
@@ -25,11 +26,11 @@ constexpr double kPeriod_s = kUsualPeriod_s;
 
 using DrivenRobot = DrivenRobotIn<Plane>;
 
-/// How many steps the period is divided into, so that setpoints change between them.
+/// How many steps a span of time is divided into, so that setpoints change between them.
 /// @param parts  of the solver's step.
-int StepsInPeriod(const Problem& problem, double longest_s, double parts) {
+int StepsIn(double span_s, const Problem& problem, double longest_s, double parts) {
   const double step_s = std::min(longest_s, problem.solver.step_s / parts);
-  return static_cast<int>(std::ceil(kPeriod_s / step_s - 1e-6));
+  return static_cast<int>(std::ceil(span_s / step_s - 1e-6));
 }
 
 /// Steps a robot until a time, visiting every step. @returns false when its state left every
@@ -38,8 +39,8 @@ template <class Robot, class Visit>
 bool Play(const Problem& problem, Robot& robot, double until_s, double finer, Visit&& visit) {
   const double longest_s = robot.LongestStep();
   const double calm_s = problem.duration_s + ExitAfter(problem);
-  const double fine_s = kPeriod_s / StepsInPeriod(problem, longest_s, finer);
-  const double coarse_s = kPeriod_s / StepsInPeriod(problem, longest_s, 1);
+  const double fine_s = kPeriod_s / StepsIn(kPeriod_s, problem, longest_s, finer);
+  const double coarse_s = kPeriod_s / StepsIn(kPeriod_s, problem, longest_s, 1);
   double time_s = 0;
   while (time_s < until_s) {
     const double step_s = time_s < calm_s ? fine_s : coarse_s;
@@ -50,107 +51,199 @@ bool Play(const Problem& problem, Robot& robot, double until_s, double finer, Vi
   return true;
 }
 
-/// Robots in the lanes of one packet, each with its disturbance.
+/// Robots in the lanes of one packet.
+template <class Space>
 class DrivenLanes {
+  using Types = LaneTypes<Space>;
+  template <class S>
+  using Robot = typename Types::template Robot<S>;
+  template <class S>
+  using State = typename Types::template State<S>;
+  static constexpr std::size_t kRoot = Types::kRootDofs;
+
  public:
+  /// @param played  with the same period.
   /// @throws std::invalid_argument  where lanes do not have the scene.
   DrivenLanes(const Problem& problem, const std::vector<double>& x,
               std::span<const JointMotion<double>::Spline> feed_forward,
-              std::span<const Disturbance> disturbances)
-      : problem_(problem), feed_forward_(feed_forward), count_(disturbances.size()) {
-    const DriveGains gains = problem.drive_gains();
-    const LaneDrive drive{.kp = gains.kp_nm_per_rad, .kd = gains.kd_nm_s_per_rad};
-    for (std::size_t j = 0; j < problem.joints.size(); ++j)
-      paths_.push_back(PositionSpline(problem, x, j));
-    std::array<LaneRobot<double>, Packet::kLanes> robots{};
-    std::array<LaneState<double>, Packet::kLanes> states{};
+              std::span<const PlayedRobot<Space>> played)
+      : problem_(&problem),
+        feed_forward_(feed_forward),
+        played_(played),
+        ticks_(static_cast<int>(std::ceil(played[0].period_s / kPeriod_s - 1e-6))),
+        tick_s_(played[0].period_s / ticks_) {
+    std::array<Robot<double>, Packet::kLanes> robots{};
+    std::array<State<double>, Packet::kLanes> states{};
     for (std::size_t i = 0; i < Packet::kLanes; ++i) {
-      const Disturbance& disturbance = disturbances[std::min(i, count_ - 1)];
-      Scene scene = problem.scene;
-      Tilt(scene.robot, disturbance.slope_rad);
-      const LaneScene lanes = MakeLaneScene(scene, drive);
+      const PlayedRobot<Space>& robot = played[std::min(i, played.size() - 1)];
+      const LaneDrive drive{.kp = robot.gains.kp_nm_per_rad, .kd = robot.gains.kd_nm_s_per_rad};
+      const auto lanes = MakeLaneScene(robot.scene, drive);
       model_ = lanes.model;
       robots[i] = lanes.robot;
       robots[i].stop_stiffness = robots[i].stop_damping = 0;  // A path keeps its limits.
-      states[i] = StartOf(disturbance);
+      states[i] = StartOf(robot.lean_rad);
       for (const ActuatedJoint& joint : problem.joints)
         robots[i].joints[LaneOf(joint)].torque_max = joint.limits.torque_max_nm;
     }
     if (model_.joints != problem.joints.size())
       throw std::invalid_argument("a joint of the robot has no path");
-    robots_ = PackLanes<LaneRobot>(robots);
-    state_ = PackLanes<LaneState>(states);
-    TakeSetpoints(0);
-    std::copy(setpoints_.begin(), setpoints_.end(), held_.begin());
+    robots_ = PackLanes<Robot>(robots);
+    state_ = PackLanes<State>(states);
+    TakePaths(x);
   }
 
-  /// One period.
+  /// Goes on with another motion, of which the time begins at 0.
+  /// @param problem  of the same robot.
+  /// @param began_s  since the start of the first motion.
+  void Begin(const Problem& problem, const std::vector<double>& x,
+             std::span<const JointMotion<double>::Spline> feed_forward, double began_s) {
+    problem_ = &problem;
+    feed_forward_ = feed_forward;
+    began_s_ = began_s;
+    TakePaths(x);
+  }
+
+  /// From one look at the robots to the next one: a part of the period in which setpoints change.
+  [[nodiscard]] double tick_s() const { return tick_s_; }
+
   void Play(int tick, int steps) {
-    TakeSetpoints(tick);
-    kernel_.drive_classically(model_, robots_, {.tick_s = kPeriod_s, .per_tick = steps}, setpoints_,
-                              held_, state_, count_);
+    TakeSetpoints(tick / ticks_);
+    const LaneSteps lane_steps{.tick_s = tick_s_, .per_tick = steps};
+    if constexpr (std::is_same_v<Space, Plane>) {
+      kernel_.drive_classically(model_, robots_, lane_steps, setpoints_, held_, state_,
+                                played_.size());
+    } else {
+      Push(began_s_ + tick * tick_s_);
+      kernel_.drive_classically_in_space(model_, robots_, lane_steps, setpoints_, held_, state_,
+                                         played_.size());
+    }
   }
 
   [[nodiscard]] bool plausible(std::size_t which) const {
     const auto is = [&](const Packet& number) {
       return std::abs(number.lane(which)) < kImplausibleState;
     };
-    const auto end = static_cast<std::ptrdiff_t>(model_.joints + 3);
+    const auto end = static_cast<std::ptrdiff_t>(model_.joints + kRoot);
     return std::all_of(state_.q.begin(), state_.q.begin() + end, is) &&
            std::all_of(state_.v.begin(), state_.v.begin() + end, is);
   }
-  /// Valid until the next call.
+  /// Valid until the next call, as all that are shown of a robot.
   std::span<const double> Positions(std::size_t which) {
-    for (std::size_t i = 0; i < model_.joints + 3; ++i) q_[i] = state_.q[i].lane(which);
-    return {q_.data(), model_.joints + 3};
+    for (std::size_t i = 0; i < model_.joints + kRoot; ++i) q_[i] = state_.q[i].lane(which);
+    return {q_.data(), model_.joints + kRoot};
+  }
+  std::span<const double> Velocities(std::size_t which) {
+    for (std::size_t i = 0; i < model_.joints + kRoot; ++i) qd_[i] = state_.v[i].lane(which);
+    return {qd_.data(), model_.joints + kRoot};
+  }
+  const SpaceMatrix& Axes(std::size_t which) {
+    axes_ = AxesOf(state_, which);
+    return axes_;
   }
 
  private:
-  static std::size_t LaneOf(const ActuatedJoint& joint) { return Index(joint.dof) - 3; }
+  static std::size_t LaneOf(const ActuatedJoint& joint) { return Index(joint.dof) - kRoot; }
 
-  [[nodiscard]] LaneState<double> StartOf(const Disturbance& disturbance) const {
-    LaneState<double> state{};
-    std::copy(problem_.start_q.begin(), problem_.start_q.end(), state.q.begin());
-    std::copy_n(problem_.start_root_rates.begin(), 3, state.v.begin());
-    state.q[kRootPitch] += disturbance.lean_rad;
-    for (const ActuatedJoint& joint : problem_.joints)
+  [[nodiscard]] State<double> StartOf(double lean_rad) const {
+    State<double> state{};
+    std::copy(problem_->start_q.begin(), problem_->start_q.end(), state.q.begin());
+    if constexpr (std::is_same_v<Space, Plane>) {
+      std::copy_n(problem_->start_root_rates.begin(), kRoot, state.v.begin());
+      state.q[kRootPitch] += lean_rad;
+    } else {
+      SetAxes(problem_->space->start_orientation, state);
+      state.q[RootChart<Spatial>::kFirst] += lean_rad;
+    }
+    for (const ActuatedJoint& joint : problem_->joints)
       state.v[Index(joint.dof)] = joint.start_rad_s;
     return state;
   }
 
-  void TakeSetpoints(int tick) {
+  void TakePaths(const std::vector<double>& x) {
+    paths_.clear();
+    for (std::size_t j = 0; j < problem_->joints.size(); ++j)
+      paths_.push_back(PositionSpline(*problem_, x, j));
+    TakeSetpoints(0);
+    std::copy(setpoints_.begin(), setpoints_.end(), held_.begin());
+  }
+
+  void TakeSetpoints(int period) {
     setpoints_.resize(model_.joints);
-    const double time_s = tick * kPeriod_s, t = std::min(time_s, problem_.duration_s);
+    const double time_s = period * played_[0].period_s, t = std::min(time_s, problem_->duration_s);
     for (std::size_t j = 0; j < paths_.size(); ++j) {
       const auto path = paths_[j].Evaluate(t);
-      setpoints_[LaneOf(problem_.joints[j])] = {
-          Packet::Of(path.value), Packet::Of(time_s < problem_.duration_s ? path.first : 0),
+      setpoints_[LaneOf(problem_->joints[j])] = {
+          Packet::Of(path.value), Packet::Of(time_s < problem_->duration_s ? path.first : 0),
           Packet::Of(feed_forward_[j].Evaluate(t).value)};
     }
   }
 
-  const Problem& problem_;
+  void Push(double time_s) {
+    for (std::size_t i = 0; i < played_.size(); ++i) {
+      const auto& push = played_[i].push;
+      const bool acts =
+          push && time_s >= push->start_s && time_s < push->start_s + push->duration_s;
+      for (std::size_t k = 0; k < robots_.push.size(); ++k)
+        robots_.push[k].set_lane(i, acts ? push->force_n[static_cast<int>(k)] : 0);
+    }
+  }
+
+  const Problem* problem_;
+  double began_s_ = 0;
   std::span<const JointMotion<double>::Spline> feed_forward_;
-  std::size_t count_;
+  std::span<const PlayedRobot<Space>> played_;
+  int ticks_;  // in a period
+  double tick_s_;
   const LaneKernel<Packet>& kernel_ = *PacketKernels().front();
   std::vector<JointMotion<double>::Spline> paths_;
-  LaneModel model_;
-  LaneRobot<Packet> robots_{};
-  LaneState<Packet> state_{};
+  typename Types::Model model_;
+  Robot<Packet> robots_{};
+  State<Packet> state_{};
   HeldSetpoints<Packet> held_{};
   std::vector<LaneSetpoint<Packet>> setpoints_;
-  std::array<double, LaneModel::kMaxDofs> q_{};
+  std::array<double, Types::Model::kMaxDofs> q_{}, qd_{};
+  SpaceMatrix axes_;
 };
 
 /// None where lanes do not have the scene.
-std::unique_ptr<DrivenLanes> TryLanes(const Problem& problem, const std::vector<double>& x,
-                                      std::span<const JointMotion<double>::Spline> feed_forward,
-                                      std::span<const Disturbance> disturbances) {
-  if (disturbances.empty() || disturbances.size() > Packet::kLanes) return nullptr;
+template <class Space>
+std::unique_ptr<DrivenLanes<Space>> TryLanes(
+    const Problem& problem, const std::vector<double>& x,
+    std::span<const JointMotion<double>::Spline> feed_forward,
+    std::span<const PlayedRobot<Space>> played) {
+  if (played.empty() || played.size() > Packet::kLanes) return nullptr;
   try {
-    return std::make_unique<DrivenLanes>(problem, x, feed_forward, disturbances);
+    return std::make_unique<DrivenLanes<Space>>(problem, x, feed_forward, played);
   } catch (const std::invalid_argument&) {
     return nullptr;
+  }
+}
+
+/// What became of robots in lanes.
+struct LaneFates {
+  std::vector<bool> plausible;  ///< Whether a robot's state stayed so while it went on.
+  std::vector<bool> goes_on;
+  explicit LaneFates(std::size_t robots) : plausible(robots, true), goes_on(robots, true) {}
+  [[nodiscard]] bool any() const { return std::ranges::find(goes_on, true) != goes_on.end(); }
+};
+
+/// Plays a motion on robots in lanes.
+/// @param visit  is called with a robot's number and the time, and returns whether it goes on.
+template <class Space, class Visit>
+void PlayLanes(const Problem& problem, DrivenLanes<Space>& lanes, double longest_s, double finer,
+               double until_s, LaneFates& fates, Visit&& visit) {
+  const int fine = StepsIn(lanes.tick_s(), problem, longest_s, finer);
+  const int coarse = StepsIn(lanes.tick_s(), problem, longest_s, 1);
+  const double calm_s = problem.duration_s + ExitAfter(problem);
+  for (int tick = 0; tick * lanes.tick_s() < until_s; ++tick) {
+    const double time_s = tick * lanes.tick_s();
+    for (std::size_t i = 0; i < fates.goes_on.size(); ++i) {
+      if (!fates.goes_on[i]) continue;
+      fates.plausible[i] = lanes.plausible(i);
+      fates.goes_on[i] = fates.plausible[i] && visit(i, time_s);
+    }
+    if (!fates.any()) return;
+    lanes.Play(tick, time_s < calm_s ? fine : coarse);
   }
 }
 
@@ -161,33 +254,25 @@ std::vector<bool> PlayThroughDrives(
     std::span<const JointMotion<double>::Spline> feed_forward,
     std::span<const Disturbance> disturbances, double until_s,
     const std::function<bool(std::size_t, double, std::span<const double>)>& visitor) {
-  std::vector<bool> plausible(disturbances.size(), true);
-  const auto lanes = TryLanes(problem, x, feed_forward, disturbances);
+  std::vector<PlayedRobot<Plane>> played;
+  for (const Disturbance& disturbance : disturbances)
+    played.push_back(Nominal(problem.scene, problem, disturbance));
+  const auto lanes = TryLanes<Plane>(problem, x, feed_forward, played);
   if (lanes == nullptr) {
+    std::vector<bool> plausible;
     for (std::size_t i = 0; i < disturbances.size(); ++i) {
-      plausible[i] = PlayThroughDrives(
+      plausible.push_back(PlayThroughDrives(
           problem, x, feed_forward, disturbances[i], until_s,
-          [&](double time_s, std::span<const double> q) { return visitor(i, time_s, q); });
+          [&](double time_s, std::span<const double> q) { return visitor(i, time_s, q); }));
     }
     return plausible;
   }
   const double longest_s =
       DrivenRobot(problem, x, feed_forward, Nominal(problem.scene, problem, {})).LongestStep();
-  const int fine = StepsInPeriod(problem, longest_s, kPlayedFiner);
-  const int coarse = StepsInPeriod(problem, longest_s, 1);
-  const double calm_s = problem.duration_s + ExitAfter(problem);
-  std::vector<bool> goes_on(disturbances.size(), true);
-  for (int tick = 0; tick * kPeriod_s < until_s; ++tick) {
-    const double time_s = tick * kPeriod_s;
-    for (std::size_t i = 0; i < disturbances.size(); ++i) {
-      if (!goes_on[i]) continue;
-      plausible[i] = lanes->plausible(i);
-      goes_on[i] = plausible[i] && visitor(i, time_s, lanes->Positions(i));
-    }
-    if (std::ranges::find(goes_on, true) == goes_on.end()) break;
-    lanes->Play(tick, time_s < calm_s ? fine : coarse);
-  }
-  return plausible;
+  LaneFates fates(disturbances.size());
+  PlayLanes(problem, *lanes, longest_s, kPlayedFiner, until_s, fates,
+            [&](std::size_t i, double time_s) { return visitor(i, time_s, lanes->Positions(i)); });
+  return fates.plausible;
 }
 
 bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
@@ -229,6 +314,41 @@ bool PlayThroughDrivesInSpace(const Problem& problem, const std::vector<double>&
   return PlayThroughDrivesInSpace(
       {&motion, 1}, played,
       [&visitor](std::size_t, const DrivenSample& sample) { return visitor(sample); });
+}
+
+std::vector<bool> PlayThroughDrivesInSpace(
+    std::span<const DrivenMotion> motions, std::span<const PlayedRobot<Spatial>> played,
+    const std::function<bool(std::size_t, std::size_t, const DrivenSample&)>& visitor) {
+  const DrivenMotion& first = motions.front();
+  const auto lanes = TryLanes(*first.problem, *first.x, first.feed_forward, played);
+  if (lanes == nullptr) {
+    std::vector<bool> plausible;
+    for (std::size_t i = 0; i < played.size(); ++i) {
+      plausible.push_back(PlayThroughDrivesInSpace(
+          motions, played[i],
+          [&](std::size_t motion, const DrivenSample& at) { return visitor(i, motion, at); }));
+    }
+    return plausible;
+  }
+  double longest_s = first.problem->solver.step_s, finer = 1;
+  for (const PlayedRobot<Spatial>& robot : played) {
+    DrivenRobotIn<Spatial> alone(*first.problem, *first.x, first.feed_forward, robot);
+    longest_s = std::min(longest_s, alone.LongestStep());
+    finer = std::max(finer, robot.finer);
+  }
+  LaneFates fates(played.size());
+  double began_s = 0;
+  for (std::size_t k = 0; k < motions.size() && fates.any(); ++k) {
+    const DrivenMotion& motion = motions[k];
+    if (k > 0) lanes->Begin(*motion.problem, *motion.x, motion.feed_forward, began_s);
+    PlayLanes(*motion.problem, *lanes, longest_s, finer, motion.until_s, fates,
+              [&](std::size_t i, double time_s) {
+                return visitor(
+                    i, k, {time_s, lanes->Positions(i), lanes->Velocities(i), &lanes->Axes(i)});
+              });
+    began_s += motion.until_s;
+  }
+  return fates.plausible;
 }
 
 PlayedRobot<Spatial> NominalInSpace(const Problem& problem, const Disturbance& disturbance) {

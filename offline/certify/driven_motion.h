@@ -81,7 +81,16 @@ struct DrivenMotion {
 bool PlayThroughDrivesInSpace(
     std::span<const DrivenMotion> motions, const PlayedRobot<Spatial>& played,
     const std::function<bool(std::size_t motion, const DrivenSample&)>& visitor);
-/// The same of one motion.
+/// The same with several robots, all at once in lanes where lanes have their scene, else one after
+/// the other. In lanes the visitor sees them once in a millisecond or more often, and pushes begin
+/// and end then; numbers are rounded otherwise.
+/// @param played   with one period; for all at once, at most Packet::kLanes.
+/// @param visitor  is also told which of them it is; a robot goes on while it says so.
+/// @returns for each robot whether its state stayed plausible while it went on.
+std::vector<bool> PlayThroughDrivesInSpace(
+    std::span<const DrivenMotion> motions, std::span<const PlayedRobot<Spatial>> played,
+    const std::function<bool(std::size_t which, std::size_t motion, const DrivenSample&)>& visitor);
+/// The same of one robot and one motion.
 bool PlayThroughDrivesInSpace(const Problem& problem, const std::vector<double>& x,
                               std::span<const JointMotion<double>::Spline> feed_forward,
                               const PlayedRobot<Spatial>& played, double until_s,

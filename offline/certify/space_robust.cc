@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "common/core/index.h"
@@ -83,14 +84,18 @@ class RobustSearch {
 
   int CountFresh(const std::vector<double>& x, int count) {
     const std::vector<PlayedRobot<Spatial>> robots = Draw(kFreshSeed, count);
-    std::vector<char> as_asked(robots.size());  // by robot
     const auto feed_forward = FeedForwardOf(x, rollouts_.front());
-    ParallelFor(count, options_.threads, [&](int i, int /*thread*/) {
+    constexpr int kPacket = Packet::kLanes;
+    std::vector<int> as_asked(Index((count + kPacket - 1) / kPacket));  // by packet
+    ParallelFor(static_cast<int>(as_asked.size()), options_.threads, [&](int i, int /*thread*/) {
       if (interrupted()) return;
-      const SpaceTrial trial = TryInSpace(problem_, x, feed_forward, targets_, robots[Index(i)], 0);
-      as_asked[Index(i)] = trial.as_asked() ? 1 : 0;
+      const auto some = std::span(robots).subspan(Index(kPacket * i),
+                                                  Index(std::min(kPacket, count - kPacket * i)));
+      const std::vector<SpaceTrial> trials =
+          TryInSpace(problem_, x, feed_forward, targets_, some, 0);
+      as_asked[Index(i)] = static_cast<int>(std::ranges::count_if(trials, &SpaceTrial::as_asked));
     });
-    return static_cast<int>(std::ranges::count(as_asked, 1));
+    return std::accumulate(as_asked.begin(), as_asked.end(), 0);
   }
 
  private:
@@ -177,8 +182,8 @@ class RobustSearch {
     const std::vector<double> inside = Inside(x);
     const auto feed_forward = FeedForwardOf(inside, rollout);
     double sum = 0;
-    for (const PlayedRobot<Spatial>& robot : robots)
-      sum += MissOf(TryInSpace(problem_, inside, feed_forward, targets_, robot, 0));
+    for (const SpaceTrial& trial : TryInSpace(problem_, inside, feed_forward, targets_, robots, 0))
+      sum += MissOf(trial);
     return sum / static_cast<double>(robots.size()) + kLimitPenalty * excess;
   }
 
@@ -193,9 +198,8 @@ class RobustSearch {
     const auto feed_forward = FeedForwardOf(of.x, rollout);
     of.loss = kLimitPenalty * ExcessOf(of.x, rollout);
     of.as_asked = 0;
-    for (const PlayedRobot<Spatial>& robot : robots) {
-      if (interrupted()) return;
-      const SpaceTrial trial = TryInSpace(problem_, of.x, feed_forward, targets_, robot, 0);
+    if (interrupted()) return;
+    for (const SpaceTrial& trial : TryInSpace(problem_, of.x, feed_forward, targets_, robots, 0)) {
       of.as_asked += trial.as_asked() ? 1 : 0;
       of.loss += MissOf(trial) / static_cast<double>(robots.size());
     }

@@ -9,6 +9,7 @@
 
 #include "offline/problem/space_task.h"
 #include "offline/problem/task_frame.h"
+#include "offline/scene/packet.h"
 
 namespace tumbler {
 
@@ -115,7 +116,8 @@ class SpaceJudge {
 
 }  // namespace
 
-SpaceTrial TryInSpace(std::span<const JudgedMotion> motions, const PlayedRobot<Spatial>& played) {
+std::vector<SpaceTrial> TryInSpace(std::span<const JudgedMotion> motions,
+                                   std::span<const PlayedRobot<Spatial>> played) {
   std::vector<DrivenMotion> driven;
   for (const JudgedMotion& motion : motions) {
     driven.push_back({motion.problem, motion.x, motion.feed_forward,
@@ -123,18 +125,27 @@ SpaceTrial TryInSpace(std::span<const JudgedMotion> motions, const PlayedRobot<S
   }
   const JudgedMotion& last = motions.back();
   driven.back().until_s = LastDue(last) + last.hold_s + last.problem->solver.step_s;
-  SpaceJudge judge(motions);
-  judge.trial.finite = PlayThroughDrivesInSpace(
-      driven, played,
-      [&judge](std::size_t which, const DrivenSample& at) { return judge.Look(which, at); });
-  if (!judge.trial.finite) judge.LoseNow();
-  return std::move(judge.trial);
+  std::vector<SpaceTrial> trials;
+  for (std::size_t first = 0; first < played.size(); first += Packet::kLanes) {
+    const auto some = played.subspan(first, std::min(Packet::kLanes, played.size() - first));
+    std::vector<SpaceJudge> judges(some.size(), SpaceJudge(motions));
+    const std::vector<bool> finite = PlayThroughDrivesInSpace(
+        driven, some, [&judges](std::size_t i, std::size_t motion, const DrivenSample& at) {
+          return judges[i].Look(motion, at);
+        });
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      judges[i].trial.finite = finite[i];
+      if (!finite[i]) judges[i].LoseNow();
+      trials.push_back(std::move(judges[i].trial));
+    }
+  }
+  return trials;
 }
 
-SpaceTrial TryInSpace(const Problem& problem, const std::vector<double>& x,
-                      std::span<const JointMotion<double>::Spline> feed_forward,
-                      std::span<const DueInSpace> targets, const PlayedRobot<Spatial>& played,
-                      double hold_s) {
+std::vector<SpaceTrial> TryInSpace(const Problem& problem, const std::vector<double>& x,
+                                   std::span<const JointMotion<double>::Spline> feed_forward,
+                                   std::span<const DueInSpace> targets,
+                                   std::span<const PlayedRobot<Spatial>> played, double hold_s) {
   const JudgedMotion motion{&problem, &x, feed_forward, targets, hold_s};
   return TryInSpace({&motion, 1}, played);
 }

@@ -51,15 +51,17 @@ struct SpaceTrial {
   [[nodiscard]] bool as_asked() const { return finite && AllMet(purpose).value_or(false); }
 };
 
-/// Plays motions on a robot one after the other (PlayThroughDrivesInSpace), until one is not as
-/// asked, and judges each in the coordinates of its task (TaskFrame): every target at the last step
+/// Plays motions on robots one after the other (PlayThroughDrivesInSpace), until one is not as
+/// asked, and judges each in the coordinates of its task (TaskFrame): every target at the last look
 /// before its time is over; what is to last, just before the next motion begins, or at the end of
 /// the hold. A speed is the largest of the last moments before that.
-SpaceTrial TryInSpace(std::span<const JudgedMotion> motions, const PlayedRobot<Spatial>& played);
+/// @param played  with one period. @returns what became of each.
+std::vector<SpaceTrial> TryInSpace(std::span<const JudgedMotion> motions,
+                                   std::span<const PlayedRobot<Spatial>> played);
 /// The same of one motion.
-SpaceTrial TryInSpace(const Problem& problem, const std::vector<double>& x,
-                      std::span<const JointMotion<double>::Spline> feed_forward,
-                      std::span<const DueInSpace> targets, const PlayedRobot<Spatial>& played,
-                      double hold_s);
+std::vector<SpaceTrial> TryInSpace(const Problem& problem, const std::vector<double>& x,
+                                   std::span<const JointMotion<double>::Spline> feed_forward,
+                                   std::span<const DueInSpace> targets,
+                                   std::span<const PlayedRobot<Spatial>> played, double hold_s);
 
 }  // namespace tumbler

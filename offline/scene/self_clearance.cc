@@ -19,6 +19,7 @@ constexpr int kPositions = 65;
 /// A pair that is farther apart than what was asked for by up to this is worth its exact distance:
 /// the longer may all pairs be left alone.
 constexpr double kWorthKnowing_m = 0.02;
+constexpr double kRounding_m = 1e-9;
 /// Distances that differ by less are the same.
 constexpr double kSameDistance_m = 1e-9;
 
@@ -122,7 +123,7 @@ SelfDistancesIn<Space>::SelfDistancesIn(const RobotOf& robot, std::span<const Ow
   for (const OwnPair& pair : pairs) {
     const std::uint32_t a = joints_below(shapes_[Index(pair.a)].body);
     const std::uint32_t b = joints_below(shapes_[Index(pair.b)].body);
-    pairs_.push_back({pair, a & ~b, b & ~a});
+    pairs_.push_back({pair, a & ~b, b & ~a, Vector::Zero()});
   }
   near_.reserve(pairs_.size());
   found_at_.reserve(joints_.size());
@@ -153,7 +154,6 @@ void SelfDistancesIn<Space>::FindSweeps() {
 template <class Space>
 bool SelfDistancesIn<Space>::StillApart(std::span<const double> q, double limit_m) const {
   if (found_at_.empty() || !(apart_m_ > limit_m)) return false;
-  constexpr double kRounding_m = 1e-9;
   double moved = kRounding_m;
   for (std::size_t j = first_joint_; j < joints_.size(); ++j) {
     if (q[j] != found_at_[j]) moved += sweep_[j] * std::abs(q[j] - found_at_[j]);
@@ -199,6 +199,17 @@ double SelfDistancesIn<Space>::Bound(const OwnPair& pair) const {
 }
 
 template <class Space>
+double SelfDistancesIn<Space>::BoundAlong(const Vector& u, const PosedShape<Space>& a,
+                                          const PosedShape<Space>& b) {
+  double reach_m = kRounding_m + a.radius_m + b.radius_m;
+  for (int i = 0; i < PosedShape<Space>::kDimension; ++i) {
+    reach_m += a.half_extents[i] * std::abs(u.dot(a.axis(i))) +
+               b.half_extents[i] * std::abs(u.dot(b.axis(i)));
+  }
+  return u.dot(a.centre - b.centre) - reach_m;
+}
+
+template <class Space>
 PosedShape<Space> SelfDistancesIn<Space>::Posed(int shape) const {
   const Own& own = shapes_[Index(shape)];
   const Body& body = BodyOf(own.body);
@@ -212,14 +223,20 @@ std::span<const typename SelfDistancesIn<Space>::Near> SelfDistancesIn<Space>::F
   if (StillApart(q, limit_m)) return near_;
   SetPositions(q);
   double apart = std::numeric_limits<double>::infinity();
-  for (const Pair& pair : pairs_) {
+  for (Pair& pair : pairs_) {
     const double bound = Bound(pair.pair);
     if (bound >= limit_m + kWorthKnowing_m) {
       apart = std::min(apart, bound);
       continue;
     }
-    const SignedDistance<Space> distance =
-        FindSignedDistance(Posed(pair.pair.a), Posed(pair.pair.b));
+    const PosedShape<Space> a = Posed(pair.pair.a), b = Posed(pair.pair.b);
+    const double along = BoundAlong(pair.u, a, b);
+    if (along >= limit_m) {
+      apart = std::min(apart, along);
+      continue;
+    }
+    const SignedDistance<Space> distance = FindSignedDistance(a, b);
+    pair.u = distance.u;
     apart = std::min(apart, distance.d);
     if (distance.d >= limit_m) continue;
     Near& near = near_.emplace_back();
@@ -245,10 +262,13 @@ SelfClearance SelfDistancesIn<Space>::Nearest(std::span<const double> q, double 
   SelfClearance nearest;
   if (StillApart(q, limit_m)) return nearest;
   SetPositions(q);
-  for (const Pair& pair : pairs_) {
+  for (Pair& pair : pairs_) {
     if (Bound(pair.pair) >= nearest.distance_m) continue;
-    const double d = FindSignedDistance(Posed(pair.pair.a), Posed(pair.pair.b)).d;
-    if (d < nearest.distance_m) nearest = {d, pair.pair};
+    const PosedShape<Space> a = Posed(pair.pair.a), b = Posed(pair.pair.b);
+    if (BoundAlong(pair.u, a, b) >= nearest.distance_m) continue;
+    const SignedDistance<Space> distance = FindSignedDistance(a, b);
+    pair.u = distance.u;
+    if (distance.d < nearest.distance_m) nearest = {distance.d, pair.pair};
   }
   RememberApart(q, nearest.distance_m);
   return nearest;

@@ -126,6 +126,7 @@ class SelfDistancesIn {
     OwnPair pair;
     std::uint32_t moves_a,
         moves_b;  // bits of degrees of freedom that only a's body hangs on, or b's
+    Vector u;     // from b to a, where they were nearest when that was last found; 0: never was
   };
 
   void FindSweeps();
@@ -142,8 +143,12 @@ class SelfDistancesIn {
     const auto w = Space::RevoluteMotion(body.R, joints_[joint].axis, body.p).w;
     return Space::Cross(w, Vector(point - body.p));
   }
-  /// A distance that the pair is not nearer than.
+  /// A distance that the pair is not nearer than, by circles around its shapes.
   [[nodiscard]] double Bound(const OwnPair& pair) const;
+  /// Likewise what is between them along Pair::u. While joints move by little that is nearly their
+  /// distance, for a small part of the price.
+  [[nodiscard]] static double BoundAlong(const Vector& u, const PosedShape<Space>& a,
+                                         const PosedShape<Space>& b);
   [[nodiscard]] PosedShape<Space> Posed(int shape) const;
 
   int root_dofs_;

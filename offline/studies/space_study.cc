@@ -22,6 +22,7 @@
 #include "offline/certify/space_trial.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/scene/normal.h"
+#include "offline/scene/packet.h"
 #include "offline/solve/guess.h"
 #include "offline/studies/spread_names.h"
 
@@ -122,7 +123,7 @@ RobotVariation Drawn(const Played& motions, const SpaceStudy& study, int index) 
                    static_cast<std::uint64_t>(index));
 }
 
-SpaceTrial PlayOne(const Played& motions, const SpaceStudy& study, int index) {
+PlayedRobot<Spatial> RobotOf(const Played& motions, const SpaceStudy& study, int index) {
   const RobotVariation variation = Drawn(motions, study, index);
   PlayedRobot<Spatial> played{Varied(motions.model(), variation), motions.gains(), 0,
                               study.period_s, std::nullopt};
@@ -136,7 +137,7 @@ SpaceTrial PlayOne(const Played& motions, const SpaceStudy& study, int index) {
     played.push = RootPush<Spatial>{from_s + (to_s - from_s) * random.DrawUniform(), kPushed_s,
                                     SpaceVector(cosine, sine, 0) * study.push_n};
   }
-  return TryInSpace(motions.played(), played);
+  return played;
 }
 
 }  // namespace
@@ -165,12 +166,16 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
   std::vector<char> played(trials.size(), 0);
   std::mutex mutex;
   int known = 0;
-  ParallelFor(study.robots, study.threads, [&](int i, int /*thread*/) {
+  constexpr int kPacket = Packet::kLanes;
+  ParallelFor((study.robots + kPacket - 1) / kPacket, study.threads, [&](int i, int /*thread*/) {
     if (study.interrupt != nullptr && *study.interrupt) return;
-    trials[Index(i)] = in_space::PlayOne(motions, study, i);
-    played[Index(i)] = 1;
+    std::vector<PlayedRobot<Spatial>> robots;
+    for (int k = kPacket * i; k < std::min(kPacket * (i + 1), study.robots); ++k)
+      robots.push_back(in_space::RobotOf(motions, study, k));
+    std::ranges::move(TryInSpace(motions.played(), robots), &trials[Index(kPacket * i)]);
+    std::fill_n(&played[Index(kPacket * i)], robots.size(), 1);
     const std::lock_guard<std::mutex> lock(mutex);
-    ++known;
+    known += static_cast<int>(robots.size());
     if (study.progress) study.progress(known);
   });
   for (std::size_t i = 0; i < trials.size(); ++i) {

@@ -1,0 +1,132 @@
+// Robots in space in the lanes of packets that play a motion through drives: what each does alone.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/files/primitive_toml.h"
+#include "offline/certify/driven_motion.h"
+#include "offline/problem/task_toml.h"
+#include "offline/scene/packet.h"
+#include "offline/scene/variation.h"
+#include "offline/solve/guess.h"
+#include "tests/support/files.h"
+
+namespace tumbler {
+namespace {
+
+/// A shipped motion, and robots that differ from its model.
+struct Shipped {
+  explicit Shipped(const std::string& path)
+      : file(LoadPrimitive(testing::SourcePath("primitives/" + path))),
+        problem(TaskOf(file, TaskSpaces::kPlaneAndSpace).problem),
+        x(ParametersOf(file.primitive)) {
+    for (const JointMotion<double>& motion : file.primitive.motions())
+      feed_forward.push_back(motion.torque);
+    Spreads spreads;
+    spreads.mass = 0.05;
+    spreads.friction = 0.2;
+    spreads.slope_rad = 0.01;
+    const SpaceScene& model = problem.space->scene;
+    for (std::size_t i = 0; i < Packet::kLanes; ++i) {
+      PlayedRobot<Spatial> robot{
+          Varied(model, DrawRobot(model, spreads, 1, 7, static_cast<std::uint64_t>(i))),
+          problem.drive_gains()};
+      robot.lean_rad = 0.002 * static_cast<double>(i);
+      // A little before a look, whatever rounding makes of a step's time.
+      if (i % 2 == 1) robot.push = RootPush<Spatial>{0.05 - 1e-7, 0.02, SpaceVector(1, -4, 2)};
+      robots.push_back(std::move(robot));
+    }
+  }
+
+  PrimitiveFile file;
+  Problem problem;
+  std::vector<double> x;
+  std::vector<JointMotion<double>::Spline> feed_forward;
+  std::vector<PlayedRobot<Spatial>> robots;
+};
+
+/// Positions, velocities and axes of a robot at a time.
+std::vector<double> NumbersOf(const DrivenSample& at) {
+  std::vector<double> numbers(at.q.begin(), at.q.end());
+  numbers.insert(numbers.end(), at.qd.begin(), at.qd.end());
+  for (int i = 0; i < 9; ++i) numbers.push_back((*at.axes)(i / 3, i % 3));
+  return numbers;
+}
+
+class DrivenLanesInSpace : public ::testing::TestWithParam<const char*> {};
+
+// Both take the same steps: a quarter of the solver's, in periods of a millisecond. The classical
+// method's sums and the dynamics are rounded otherwise, and contact amplifies that.
+TEST_P(DrivenLanesInSpace, DoWhatEachRobotDoesAlone) {
+  const Shipped shipped(GetParam());
+  const DrivenMotion motion{&shipped.problem, &shipped.x, shipped.feed_forward, 0.25};
+  std::vector<std::vector<std::vector<double>>> seen(shipped.robots.size());
+  const std::vector<bool> plausible =
+      PlayThroughDrivesInSpace({&motion, 1}, shipped.robots,
+                               [&seen](std::size_t which, std::size_t, const DrivenSample& at) {
+                                 seen[which].push_back(NumbersOf(at));
+                                 return true;
+                               });
+  EXPECT_EQ(plausible, std::vector<bool>(shipped.robots.size(), true));
+  for (const std::size_t i : {0U, 3U, 6U}) {
+    std::size_t look = 0;
+    double largest = 0;
+    const auto compare = [&](std::size_t, const DrivenSample& at) {
+      if (std::abs(at.time_s - 1e-3 * static_cast<double>(look)) > 1e-9) return true;
+      const std::vector<double> alone = NumbersOf(at);
+      for (std::size_t k = 0; k < alone.size(); ++k)
+        largest = std::max(largest, std::abs(alone[k] - seen[i].at(look)[k]));
+      ++look;
+      return true;
+    };
+    EXPECT_TRUE(PlayThroughDrivesInSpace({&motion, 1}, shipped.robots[i], compare));
+    EXPECT_EQ(look, seen[i].size());
+    EXPECT_LT(largest, 1e-8) << "robot " << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Motions, DrivenLanesInSpace,
+                         ::testing::Values("solo12/get_up.toml", "solo8/walk.toml"));
+
+// A second motion begins where the first has left the robot.
+TEST(DrivenLanesInSpace, PlayMotionsOneAfterTheOther) {
+  const Shipped shipped("solo8/walk.toml");
+  const DrivenMotion walk{&shipped.problem, &shipped.x, shipped.feed_forward, 0.1};
+  const std::vector<DrivenMotion> twice = {walk, walk};
+  std::vector<double> end(2), alone(2);
+  const auto robots = std::span(shipped.robots).first(2);
+  PlayThroughDrivesInSpace(twice, robots,
+                           [&end](std::size_t which, std::size_t motion, const DrivenSample& at) {
+                             if (motion == 1) end[which] = at.q[0];
+                             return true;
+                           });
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    PlayThroughDrivesInSpace(twice, robots[i],
+                             [&alone, i](std::size_t motion, const DrivenSample& at) {
+                               if (motion == 1) alone[i] = at.q[0];
+                               return true;
+                             });
+    EXPECT_NEAR(end[i], alone[i], 1e-4);
+  }
+  EXPECT_NE(end[0], end[1]);
+}
+
+TEST(DrivenLanesInSpace, GoOnForThoseOfWhichTheVisitorSaysSo) {
+  const Shipped shipped("solo8/walk.toml");
+  const DrivenMotion walk{&shipped.problem, &shipped.x, shipped.feed_forward, 0.05};
+  std::vector<int> looks(shipped.robots.size());
+  PlayThroughDrivesInSpace({&walk, 1}, shipped.robots,
+                           [&looks](std::size_t which, std::size_t, const DrivenSample&) {
+                             return ++looks[which] < static_cast<int>(10 * (which + 1));
+                           });
+  EXPECT_EQ(looks, (std::vector<int>{10, 20, 30, 40, 50, 50, 50, 50}));
+}
+
+}  // namespace
+}  // namespace tumbler
