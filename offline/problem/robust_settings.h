@@ -70,8 +70,9 @@ struct SpaceRobustSettings {
   /// With which setpoints change [s]: eight motors share a bus at 400 Hz, twelve at 290 Hz.
   double period_s = 2.5e-3;
   /// By how many robots motions are judged, others in each generation: few are enough to tell
-  /// motions apart, and those that rotate are none that a motion could suit alone.
-  int robots = 10;
+  /// motions apart, and those that rotate are none that a motion could suit alone. Two packets of
+  /// lanes.
+  int robots = 16;
   int candidates = 12;   ///< Motions in a generation.
   int generations = 60;  ///< At most: it ends where no robot misses anything for a while.
   /// Standard deviation of control points in the first generation [rad]: near what was found.
