@@ -41,11 +41,11 @@ SpaceTrial TryInSpace(const Problem& problem, const std::vector<double>& x,
       const DueInSpace& due = targets[i];
       const double until_s = due.lasts() && hold_s > 0 ? last_s + hold_s : due.time_s;
       if (at.time_s > until_s + 1e-9) continue;
-      std::optional<double>& result = trial.purpose[i].result;
+      JudgedTarget& judged = trial.purpose[i];
       const double value = due.gauge.At(at.q, at.qd, *at.axes);
       const bool speed = due.target.of == PurposeTarget::Of::kSpeed;
-      const bool watched = speed && at.time_s > until_s - kRestWatched_s && result;
-      result = watched ? std::max(*result, value) : value;
+      const bool watched = speed && at.time_s > until_s - kRestWatched_s && judged.result;
+      judged.Judge(watched ? std::max(*judged.result, value) : value);
     }
     return true;
   };

@@ -119,6 +119,9 @@ struct CostTerm {
 
   /// What a term in a coordinate is about.
   [[nodiscard]] double Value(const CostPoint& at) const;
+  /// The same as it is judged: a heading is that of its angles which is nearest to the target, and
+  /// not a number where there is none (SpaceQuantity::IsDefined).
+  [[nodiscard]] double Result(const CostPoint& at) const;
   /// Adds the derivatives of `scale` times that to `slopes`.
   void AddValueSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const;
 
@@ -178,7 +181,9 @@ struct CostTerm {
  private:
   [[nodiscard]] std::size_t coordinate() const { return static_cast<std::size_t>(dof); }
   [[nodiscard]] LinkPoint::Axis axis() const { return static_cast<LinkPoint::Axis>(dof); }
-  [[nodiscard]] double OffTarget(const CostPoint& at) const { return Value(at) - target; }
+  [[nodiscard]] double OffTarget(const CostPoint& at) const {
+    return quantity.Near(target, Value(at)) - target;
+  }
 };
 
 /// An instant at which terms of a cost look at the motion.
