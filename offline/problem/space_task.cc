@@ -148,11 +148,11 @@ constexpr std::array kTermKeys = {
         "term", CostTerm::kKindNames,
         "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2; weight times "
         "the work of the motors [J], which between rests of one height is what turns into heat, as "
-        "where feet slide")
+        "where feet slide; weight times the [slip](#slip) of contacts that carry weight [m]")
         .Required(),
     KeyOf<&CostTerm::weight, SpaceCostEntry>("weight", {-1e9, 1e9}, "")
         .Required()
-        .Allowed("-1e9 to 1e9; not negative for `terminal` and `effort`"),
+        .Allowed("-1e9 to 1e9; negative for `terminal-linear` alone"),
 };
 
 bool HasPoint(const SpaceCostEntry& term) {
@@ -250,6 +250,8 @@ CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem&
       for (const ActuatedJoint& joint : problem.joints)
         term.joint_dofs.push_back(static_cast<std::size_t>(joint.dof));
     }
+    if (term.kind == CostTerm::Kind::kSlip)
+      term.robot_weight_n = robot.mass_kg() * robot.tree.gravity.norm();
     return term;
   }
   term.latest_s = problem.duration_s + problem.settle_s;

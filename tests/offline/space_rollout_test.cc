@@ -162,6 +162,9 @@ weight = 0.1
 term = "work"
 weight = 0.05
 [[cost]]
+term = "slip"
+weight = 2.0
+[[cost]]
 term = "terminal-linear"
 of = "position"
 along = [0.0, 1.0, 0.0]
