@@ -406,8 +406,7 @@ PurposeFigure ReadPurpose(TomlTable& table) {
   if (figure.is_in_space()) {
     ReadKeys(table, kPurposeSpaceKeys, figure);
     CheckUnit(table, "along", figure.along);
-    if (figure.of == PurposeTarget::Of::kMisalignment)
-      CheckUnit(table, "in_space", figure.in_space);
+    if (figure.of_axis()) CheckUnit(table, "in_space", figure.in_space);
   }
   if (figure.of_point()) ReadKeys(table, kPurposePointKeys, figure);
   // A motion that misses its purpose is never written.

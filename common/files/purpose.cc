@@ -14,9 +14,9 @@ std::string PurposeTarget::NameAfter(double later_s) const {
   if (of_point()) text += fmt::format(" of {} at ({:.6g}, {:.6g})", link, point_m[0], point_m[1]);
   if (is_in_space()) {
     text += fmt::format(" of {}", link);
-    if (of == Of::kMisalignment) {
-      text +=
-          fmt::format("'s ({:.6g}, {:.6g}, {:.6g}) with", in_space[0], in_space[1], in_space[2]);
+    if (of_axis()) {
+      text += fmt::format("'s ({:.6g}, {:.6g}, {:.6g}) {}", in_space[0], in_space[1], in_space[2],
+                          of == Of::kHeading ? "about" : "with");
     } else if (of == Of::kAngularVelocity) {
       text += " about";
     } else {
@@ -39,8 +39,9 @@ std::string PurposeTarget::NameAfter(double later_s) const {
 }
 
 const char* PurposeTarget::unit() const {
-  constexpr std::array kUnits = {"m", "m",   "rad", "m/s", "m/s", "rad/s", "m/s, rad/s",       "m",
-                                 "m", "m/s", "m/s", "m",   "m/s", "rad/s", "as 2 sin(angle/2)"};
+  constexpr std::array kUnits = {
+      "m", "m",   "rad", "m/s", "m/s", "rad/s", "m/s, rad/s",        "m",
+      "m", "m/s", "m/s", "m",   "m/s", "rad/s", "as 2 sin(angle/2)", "rad"};
   return kUnits[static_cast<std::size_t>(of)];
 }
 
@@ -49,6 +50,14 @@ std::string PurposeTarget::AskedAndGot(double result) const {
   const double asked = std::abs(target) < 1e-9 * tolerance ? 0 : target;
   return fmt::format("asked {:.6g}, got {:.6g} {} (within {:.3g})", asked, result, unit(),
                      tolerance);
+}
+
+void JudgedTarget::Judge(double value) {
+  result = value;
+  obstacle.clear();
+  if (target.of != PurposeTarget::Of::kHeading || !std::isnan(value)) return;
+  result.reset();
+  obstacle = "the axis points along the direction about which its heading would be: it has none";
 }
 
 std::string JudgedTarget::name() const {

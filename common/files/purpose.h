@@ -33,6 +33,9 @@ struct PurposeTarget {
     kVelocity,         ///< Likewise.
     kAngularVelocity,  ///< Of the link.
     kMisalignment,     ///< Of the link's axis `in_space` with `along`: 2 sin(angle / 2).
+    /// Of the link's axis `in_space` about `along` (SpaceQuantity::Of::kHeading). A result is that
+    /// of the angles that are whole turns apart which is nearest to the target.
+    kHeading,
   };
   enum class When : std::uint8_t {
     kEnd,      ///< At the end of the motion.
@@ -41,7 +44,7 @@ struct PurposeTarget {
     kTime,     ///< At `time_s`.
   };
   /// Their names in files, in their order.
-  static constexpr std::array<std::string_view, 15> kOfNames = {"x",
+  static constexpr std::array<std::string_view, 16> kOfNames = {"x",
                                                                 "z",
                                                                 "pitch",
                                                                 "x_rate",
@@ -55,7 +58,8 @@ struct PurposeTarget {
                                                                 "position",
                                                                 "velocity",
                                                                 "angular_velocity",
-                                                                "misalignment"};
+                                                                "misalignment",
+                                                                "heading"};
   static constexpr std::array<std::string_view, 4> kWhenNames = {"end", "settled", "later", "time"};
 
   Of of = Of::kPitch;
@@ -71,6 +75,7 @@ struct PurposeTarget {
   [[nodiscard]] bool at_time() const { return when == When::kTime; }
   [[nodiscard]] bool of_point() const { return of >= Of::kPointX && of <= Of::kPointZRate; }
   [[nodiscard]] bool is_in_space() const { return of >= Of::kPosition; }
+  [[nodiscard]] bool of_axis() const { return of == Of::kMisalignment || of == Of::kHeading; }
   /// For people, such as "pitch, settled", "speed of the root, 2 s later", or "point_z of leg1_link
   /// at (0.2, 0), at 0.3 s".
   [[nodiscard]] std::string name() const { return NameAfter(2); }
@@ -98,6 +103,9 @@ struct JudgedTarget {
   /// Why it is never judged, as the end of a sentence about it; empty: the run ended before.
   std::string obstacle = {};
 
+  /// Judges a value that a robot has. A heading that is not a number is none: the axis is along the
+  /// direction about which it would be, and the target is not judged.
+  void Judge(double value);
   /// As the target's, with the time at which it was judged: "pitch, 4 s later".
   [[nodiscard]] std::string name() const;
   [[nodiscard]] std::optional<bool> met() const;

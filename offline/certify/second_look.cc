@@ -38,7 +38,7 @@ bool AsksForValue(const CostTerm& term) {
 PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::When when) {
   PurposeFigure figure{{term.of(), when, term.target, term.tolerance, term.time_s, term.point.link,
                         term.point.point_m},
-                       term.Value(at.point())};
+                       term.Result(at.point())};
   if (term.quantity.present()) {
     figure.link = term.quantity.link;
     figure.in_space = term.quantity.in_link;
@@ -272,7 +272,7 @@ class StayWatch {
     const double after_s = time_s - problem_.duration_s;
     if (after_s < ExitAfter(problem_)) return {};
     for (auto& [term, figure] : asked_) {
-      figure.result = term->Value({q, at_rest_, {}, axes});
+      figure.result = term->Result({q, at_rest_, {}, axes});
       if (!figure.met()) return SecondLook::Leaving{after_s, figure, disturbance};
     }
     return {};

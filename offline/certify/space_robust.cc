@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <numbers>
 #include <utility>
 
 #include "common/core/index.h"
@@ -164,9 +165,10 @@ class RobustSearch {
     if (!trial.finite) return kWild;
     double sum = 0;
     for (const JudgedTarget& judged : trial.purpose) {
-      const double off =
-          std::abs(judged.result.value_or(judged.target.target) - judged.target.target) /
-          judged.target.tolerance;
+      // What has no heading is as far from the one that is asked for as any can be.
+      const double missed_by =
+          judged.result ? std::abs(*judged.result - judged.target.target) : std::numbers::pi;
+      const double off = missed_by / judged.target.tolerance;
       const double missed = std::max(0.0, off - kPart);
       sum += missed * missed;
     }

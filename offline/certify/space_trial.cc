@@ -60,10 +60,10 @@ class SpaceJudge {
       if (at.time_s > until_s + 1e-9 || at.time_s <= until_s - kRestWatched_s) continue;
       if (!std::exchange(placed, true)) Place(at);
       const DueInSpace& due = motion.targets[i];
-      std::optional<double>& result = OfNow()[i].result;
+      JudgedTarget& judged = OfNow()[i];
       const double value = due.gauge.At(q_, qd_, axes_);
       const bool speed = due.target.of == PurposeTarget::Of::kSpeed;
-      result = speed && result ? std::max(*result, value) : value;
+      judged.Judge(speed && judged.result ? std::max(*judged.result, value) : value);
     }
     return true;
   }

@@ -63,6 +63,18 @@ class ContactForces {
   virtual void AddDepthSlopes(const HybridDynamics<Space>& dynamics,
                               const ActiveContact<Space>& active, double scale,
                               std::span<double> slopes) const = 0;
+
+  /// How fast the contacts of the last Apply slide, each by its load [N m/s]: the sum of
+  ///
+  ///   |N| gamma(|v_t| / v_max) |v_t|,
+  ///
+  /// with the tangential velocity v_t. Friction turns mu times as much into heat. Above the slip
+  /// speed v_max it is the load times how fast the contact slides; slower creep, which stands for
+  /// sticking, counts for less. It is as smooth as the forces, and 0 without load.
+  [[nodiscard]] virtual double LoadedSlip() const = 0;
+  /// Adds `scale` times its derivatives by all positions and velocities.
+  virtual void AddLoadedSlipSlopes(const HybridDynamics<Space>& dynamics, double scale,
+                                   std::span<double> by_q, std::span<double> by_qd) const = 0;
 };
 
 }  // namespace tumbler

@@ -49,6 +49,10 @@ class ContactModel final : public ContactForces<Space> {
   void AddDepthSlopes(const HybridDynamics<Space>& dynamics, const ActiveContact<Space>& active,
                       double scale, std::span<double> slopes) const override;
 
+  [[nodiscard]] double LoadedSlip() const override;
+  void AddLoadedSlipSlopes(const HybridDynamics<Space>& dynamics, double scale,
+                           std::span<double> by_q, std::span<double> by_qd) const override;
+
   [[nodiscard]] const ContactLaw& law() const { return law_; }
   [[nodiscard]] const std::vector<ContactShape<Space>>& shapes() const { return shapes_; }
   [[nodiscard]] const std::vector<Obstacle<Space>>& obstacles() const { return obstacles_; }

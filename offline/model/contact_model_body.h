@@ -139,6 +139,70 @@ void ContactModel<Space>::AddDepthSlopes(const HybridDynamics<Space>& dynamics,
 }
 
 template <class Space>
+double ContactModel<Space>::LoadedSlip() const {
+  double sum = 0;
+  for (std::size_t k = 0; k < active_count_; ++k) {
+    const Evaluation& e = evaluations_[k];
+    sum += std::abs(e.normal.N) * e.friction.gain * e.v_t.squaredNorm();
+  }
+  return sum;
+}
+
+/// With s2 = |v_t|^2 a contact adds |N| gain(s2) s2, of which
+///
+///   d(s2) = 2 v_t . dv - 2 v_d v_t . du_d,   dN = N_d dd + N_v (u_d . dv + v . du_d).
+///
+/// A body that is displaced by S with its velocity carried along changes the velocity of its point
+/// of attack by that of S x v_body there, and by w x dp as the point moves by dp.
+template <class Space>
+void ContactModel<Space>::AddLoadedSlipSlopes(const HybridDynamics<Space>& dynamics, double scale,
+                                              std::span<double> by_q,
+                                              std::span<double> by_qd) const {
+  for (std::size_t k = 0; k < active_count_; ++k) {
+    const Evaluation& e = evaluations_[k];
+    const Vector& u = e.near.u_d;
+    const double s2 = e.v_t.squaredNorm();
+    const double by_N = scale * std::copysign(e.friction.gain * s2, e.normal.N);
+    const double by_s2 = scale * std::abs(e.normal.N) * (e.friction.gain + s2 * e.friction.gain_s2);
+    const double by_d = by_N * e.normal.N_d, by_v_d = by_N * e.normal.N_v;
+    const Vector by_v = by_v_d * u + (2 * by_s2) * e.v_t;
+    const Vector by_u = by_v_d * e.v - (2 * by_s2 * e.v.dot(u)) * e.v_t;
+    const auto& body_v = dynamics.velocity(e.body);
+    const auto by_velocity = Space::ForceAt(e.p, by_v);
+    auto by_place = Space::Cross(body_v, by_velocity);
+    if (e.pair < 0) {
+      const Vector by_p = -Space::Cross(body_v.w, by_v);
+      Vector by_centre = by_d * u + by_p;
+      if (e.near.curvature_per_m != 0) {
+        const Vector turning = by_u - e.radius * by_p;
+        Vector across = turning - u.dot(turning) * u;
+        if constexpr (Shape<Space>::kDimension > 2)
+          across -= e.near.edge.dot(turning) * e.near.edge;
+        by_centre += e.near.curvature_per_m * across;
+      }
+      by_place = by_place + Space::ForceAt(e.c, by_centre);
+      dynamics.AddStateSlopes(e.body, by_place, by_velocity, by_q, by_qd);
+      continue;
+    }
+    auto w = body_v.w;
+    if (e.other_body >= 0) w -= dynamics.velocity(e.other_body).w;
+    const Vector by_p = -Space::Cross(w, by_v);
+    const auto index = static_cast<std::size_t>(e.pair);
+    const NearPointsDerivative<Space> near = DifferentiateNearPoints(
+        PosedA(dynamics, pairs_[index]), PosedB(dynamics, pairs_[index]), near_[index]);
+    for (std::size_t m = 0; m < Space::kMotions; ++m) {
+      const auto S = Space::BasisMotion(m);
+      by_place = by_place + typename Space::Wrench{S.w, S.v} *
+                                (by_d * near.d[m] + by_u.dot(near.u_d[m]) + by_p.dot(near.p_a[m]));
+    }
+    dynamics.AddStateSlopes(e.body, by_place, by_velocity, by_q, by_qd);
+    if (e.other_body < 0) continue;
+    // It depends on the motion of one body relative to the other.
+    dynamics.AddStateSlopes(e.other_body, by_place * -1.0, by_velocity * -1.0, by_q, by_qd);
+  }
+}
+
+template <class Space>
 void ContactModel<Space>::AddPair(HybridDynamics<Space>& dynamics, std::size_t k) {
   const GeneralPair& pair = pairs_[k];
   const int body = shapes_[static_cast<std::size_t>(pair.shape)].body;

@@ -96,6 +96,18 @@ class HybridDynamics {
       forces[Index(i)] += Space::Dot(bodies_[i].S, wrench);
   }
 
+  /// Adds the derivatives, by all positions and velocities, of a quantity of the motion of body j:
+  /// `by_place` tells of a displacement of the body, which carries its velocity along, and
+  /// `by_velocity` of a change of its velocity, by their products with the two. After SetState.
+  void AddStateSlopes(int j, const Wrench& by_place, const Wrench& by_velocity,
+                      std::span<double> by_q, std::span<double> by_qd) const {
+    for (int i = j; i >= 0; i = joints_[i].parent) {
+      const Body& body = bodies_[i];
+      by_q[Index(i)] += Space::Dot(body.S, by_place) + Space::Dot(body.S_rate, by_velocity);
+      by_qd[Index(i)] += Space::Dot(body.S, by_velocity);
+    }
+  }
+
   /// Solves the equations of motion. Reads qdd of prescribed and tau of free degrees of freedom,
   /// and writes the others.
   void Solve(std::span<double> qdd, std::span<double> tau);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -26,6 +27,8 @@ struct CostPoint {
   std::span<const double> torque;
   /// The axes in which the root's angles are zero, in space (RootChart). Null in the plane.
   const SpaceMatrix* axes = nullptr;
+  /// ContactForces::LoadedSlip [N m/s], where a term asks for it (CostTerm::AnySlip).
+  double loaded_slip = 0;
 };
 
 /// The derivatives of the cost in everything that a CostPoint holds.
@@ -33,6 +36,7 @@ struct CostSlopes {
   std::span<double> q;
   std::span<double> qd;
   std::span<double> torque;
+  double* loaded_slip = nullptr;  ///< Not null where there is a term of kSlip.
 };
 
 /// One term of the cost: its weight times a quantity of the motion. This header, cost_term.cc and
@@ -46,10 +50,14 @@ struct CostTerm {
     /// The power that the motors give, sum of tau qd [W]. Its integral between two states at rest
     /// of the same height is what contacts and joints turn into heat: feet that slide cost it.
     kWork,
+    /// How fast contacts slide, each by its share in bearing the robot's weight [m/s]:
+    /// ContactForces::LoadedSlip over the weight. The integral is how far the whole weight would
+    /// have to slide for as much heat.
+    kSlip,
   };
   /// The names of the kinds in a task, in their order.
-  static constexpr std::array<std::string_view, 4> kKindNames = {"terminal", "terminal-linear",
-                                                                 "effort", "work"};
+  static constexpr std::array<std::string_view, 5> kKindNames = {"terminal", "terminal-linear",
+                                                                 "effort", "work", "slip"};
   /// Positions of the root, then their rates, then those of a point of a link, as in a task.
   static constexpr std::array<std::string_view, 10> kCoordinateNames = {
       "x",          "z",       "pitch",   "x_rate",       "z_rate",
@@ -80,6 +88,8 @@ struct CostTerm {
   SpaceQuantity quantity = {};
   /// Of `kWork`: the degree of freedom of each joint whose torque is in CostPoint::torque.
   std::vector<std::size_t> joint_dofs = {};
+  /// Of `kSlip`: the weight of the robot [N].
+  double robot_weight_n = 1;
   /// Whether the task gives the target from the value at the start. A problem's `target` is
   /// absolute all the same.
   bool from_start = false;
@@ -110,6 +120,10 @@ struct CostTerm {
   }
   /// Whether the quantity depends on positions or velocities.
   [[nodiscard]] bool of_state() const { return kind != Kind::kEffort; }
+  /// Whether one of the terms needs CostPoint::loaded_slip.
+  [[nodiscard]] static bool AnySlip(std::span<const CostTerm> cost) {
+    return std::ranges::any_of(cost, [](const CostTerm& term) { return term.kind == Kind::kSlip; });
+  }
   /// Whether this is a target of the root's pitch after the motion.
   [[nodiscard]] bool targets_pitch() const {
     constexpr int kPitch = 2;
@@ -119,6 +133,9 @@ struct CostTerm {
 
   /// What a term in a coordinate is about.
   [[nodiscard]] double Value(const CostPoint& at) const;
+  /// The same as it is judged: a heading is that of its angles which is nearest to the target, and
+  /// not a number where there is none (SpaceQuantity::IsDefined).
+  [[nodiscard]] double Result(const CostPoint& at) const;
   /// Adds the derivatives of `scale` times that to `slopes`.
   void AddValueSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const;
 
@@ -146,6 +163,8 @@ struct CostTerm {
         for (std::size_t j = 0; j < at.torque.size(); ++j)
           sum += scale * at.torque[j] * at.qd[joint_dofs[j]];
         return sum;
+      case Kind::kSlip:
+        return sum + scale * at.loaded_slip / robot_weight_n;
       case Kind::kSquare:
         return sum + scale * OffTarget(at) * OffTarget(at);
       case Kind::kLinear:
@@ -166,6 +185,9 @@ struct CostTerm {
           slopes.qd[joint_dofs[j]] += scale * at.torque[j];
         }
         return;
+      case Kind::kSlip:
+        *slopes.loaded_slip += scale / robot_weight_n;
+        return;
       case Kind::kSquare:
         AddValueSlopes(scale * 2 * OffTarget(at), at, slopes);
         return;
@@ -178,7 +200,9 @@ struct CostTerm {
  private:
   [[nodiscard]] std::size_t coordinate() const { return static_cast<std::size_t>(dof); }
   [[nodiscard]] LinkPoint::Axis axis() const { return static_cast<LinkPoint::Axis>(dof); }
-  [[nodiscard]] double OffTarget(const CostPoint& at) const { return Value(at) - target; }
+  [[nodiscard]] double OffTarget(const CostPoint& at) const {
+    return quantity.Near(target, Value(at)) - target;
+  }
 };
 
 /// An instant at which terms of a cost look at the motion.

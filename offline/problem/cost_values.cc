@@ -1,6 +1,7 @@
 // What rollouts need of a cost's terms.
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -12,6 +13,12 @@ double CostTerm::Value(const CostPoint& at) const {
   if (quantity.present()) return quantity.Value(at.q, at.qd, *at.axes);
   if (point.present()) return point.Value(axis(), of_velocity, at.q, at.qd);
   return (of_velocity ? at.qd : at.q)[coordinate()];
+}
+
+double CostTerm::Result(const CostPoint& at) const {
+  if (quantity.present() && !quantity.IsDefined(at.q, *at.axes))
+    return std::numeric_limits<double>::quiet_NaN();
+  return quantity.Near(target, Value(at));
 }
 
 void CostTerm::AddValueSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const {

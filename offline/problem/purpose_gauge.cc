@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "common/core/index.h"
@@ -12,7 +13,7 @@
 namespace tumbler {
 
 PurposeGauge::PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot)
-    : of_(target.of), root_dofs_(Index(robot.root_dofs)) {
+    : of_(target.of), target_(target.target), root_dofs_(Index(robot.root_dofs)) {
   if (target.is_in_space()) obstacle_ = "it is of a robot in space, and this one is in the plane";
   if (!target.of_point()) return;
   try {
@@ -23,7 +24,7 @@ PurposeGauge::PurposeGauge(const PurposeTarget& target, const PlanarRobot& robot
 }
 
 PurposeGauge::PurposeGauge(const PurposeTarget& target, const SpaceRobot& robot)
-    : of_(target.of), root_dofs_(Index(robot.root_dofs)) {
+    : of_(target.of), target_(target.target), root_dofs_(Index(robot.root_dofs)) {
   if (!target.is_in_space()) {
     if (of_ != PurposeTarget::Of::kSpeed)
       obstacle_ = "it is of a robot in the plane, and this one is in space";
@@ -40,7 +41,10 @@ PurposeGauge::PurposeGauge(const PurposeTarget& target, const SpaceRobot& robot)
 
 double PurposeGauge::At(std::span<const double> q, std::span<const double> qd,
                         const SpaceMatrix& axes) const {
-  if (quantity_.present()) return quantity_.Value(q, qd, axes);
+  if (quantity_.present()) {
+    if (!quantity_.IsDefined(q, axes)) return std::numeric_limits<double>::quiet_NaN();
+    return quantity_.Near(target_, quantity_.Value(q, qd, axes));
+  }
   const auto root = [this](std::span<const double> of, std::size_t dof) {
     return dof < root_dofs_ ? of[dof] : 0.0;
   };
@@ -74,6 +78,7 @@ double PurposeGauge::At(std::span<const double> q, std::span<const double> qd,
     case PurposeTarget::Of::kVelocity:
     case PurposeTarget::Of::kAngularVelocity:
     case PurposeTarget::Of::kMisalignment:
+    case PurposeTarget::Of::kHeading:
       return 0;  // It has an obstacle.
   }
   return 0;

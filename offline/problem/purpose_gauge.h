@@ -22,7 +22,9 @@ class PurposeGauge {
   [[nodiscard]] const std::string& obstacle() const { return obstacle_; }
 
   /// The value at an instant [m, rad, m/s, rad/s]. A fixed root is at 0. Of a speed it is the
-  /// largest |rate| of the root now, of which the target asks for the largest in a while.
+  /// largest |rate| of the root now, of which the target asks for the largest in a while. Of a
+  /// heading it is the angle nearest to the target, and not a number where there is none
+  /// (SpaceQuantity::IsDefined).
   /// @param q, qd  of all degrees of freedom, in the coordinates of the task.
   /// @param axes   of a root in space (RootChart).
   /// @pre there is no obstacle.
@@ -31,6 +33,7 @@ class PurposeGauge {
 
  private:
   PurposeTarget::Of of_;
+  double target_;
   std::size_t root_dofs_;
   LinkPoint point_;         // Not present: of the root.
   SpaceQuantity quantity_;  // Present in space alone, but for a speed.

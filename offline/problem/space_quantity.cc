@@ -1,8 +1,11 @@
 #include "offline/problem/space_quantity.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <stdexcept>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "offline/model/spatial.h"
 
@@ -13,8 +16,23 @@ namespace {
 /// chord has no gradient, and its square one that is zero.
 constexpr double kAligned = 1e-12;
 
+/// The heading of an axis that is nearer than this to its direction has no slopes.
+constexpr double kNoHeading = 1e-9;
+
 SpaceVector ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 std::array<double, 3> ToArray(const SpaceVector& v) { return {v.x(), v.y(), v.z()}; }
+
+/// The plane across a direction, with its axes of heading 0 and of a quarter turn.
+struct Compass {
+  explicit Compass(const SpaceVector& d) {
+    constexpr double kAlongX = 0.9;
+    const SpaceVector from =
+        std::abs(d.x()) < kAlongX ? SpaceVector::UnitX() : SpaceVector::UnitY();
+    ahead = (from - d.dot(from) * d).normalized();
+    left = d.cross(ahead);
+  }
+  SpaceVector ahead, left;
+};
 
 }  // namespace
 
@@ -57,7 +75,7 @@ SpaceQuantity::Places SpaceQuantity::At(std::span<const double> q, std::span<con
     }
   }
   const SpaceVector arm = R * ToVector(in_body);
-  places.at = of == Of::kMisalignment ? arm : p + arm;
+  places.at = of_axis() ? arm : p + arm;
   places.v = v + w.cross(arm);
   places.w = w;
   return places;
@@ -76,8 +94,25 @@ double SpaceQuantity::Value(std::span<const double> q, std::span<const double> q
       return d.dot(places.w);
     case Of::kMisalignment:
       return (places.at - d).norm();
+    case Of::kHeading: {
+      const Compass compass(d);
+      const double angle =
+          portable::Atan2(compass.left.dot(places.at), compass.ahead.dot(places.at));
+      return angle > -std::numbers::pi ? angle : std::numbers::pi;
+    }
   }
   return 0;
+}
+
+bool SpaceQuantity::IsDefined(std::span<const double> q, const SpaceMatrix& axes) const {
+  if (of != Of::kHeading) return true;
+  // Where an axis points does not depend on velocities: any will do.
+  return At(q, q, axes).at.cross(ToVector(direction)).norm() >= kLeastProjection;
+}
+
+double SpaceQuantity::NearHeading(double target, double value) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  return value - kTurn * std::ceil((value - target) / kTurn - 0.5);
 }
 
 void SpaceQuantity::AddSlopes(double scale, std::span<const double> q, std::span<const double> qd,
@@ -86,6 +121,9 @@ void SpaceQuantity::AddSlopes(double scale, std::span<const double> q, std::span
   const Places places = At(q, qd, axes);
   const SpaceVector d = ToVector(direction);
   const SpaceVector chord = places.at - d;
+  const Compass compass(d);
+  const double ahead = compass.ahead.dot(places.at), left = compass.left.dot(places.at);
+  const double square = ahead * ahead + left * left;
   for (std::size_t i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain[i];
     const Places::Place& place = places.joints[i];
@@ -110,6 +148,12 @@ void SpaceQuantity::AddSlopes(double scale, std::span<const double> q, std::span
       case Of::kMisalignment:
         if (chord.norm() > kAligned) slope = chord.dot(a.cross(places.at)) / chord.norm();
         break;
+      case Of::kHeading: {
+        const SpaceVector turned = a.cross(places.at);
+        if (square > kNoHeading * kNoHeading)
+          slope = (ahead * compass.left.dot(turned) - left * compass.ahead.dot(turned)) / square;
+        break;
+      }
     }
     by_q[joint.dof] += scale * slope;
     by_qd[joint.dof] += scale * rate_slope;
@@ -126,7 +170,7 @@ SpaceQuantity QuantityOfLink(const SpaceRobot& robot, SpaceQuantity::Of of, std:
   quantity.of = of;
   quantity.link = link;
   quantity.direction = ToArray(ToVector(direction).normalized());
-  const bool axis = of == SpaceQuantity::Of::kMisalignment;
+  const bool axis = quantity.of_axis();
   quantity.in_link = axis ? ToArray(ToVector(in_link).normalized()) : in_link;
   const SpaceVector turned = found->pose.rotation * ToVector(quantity.in_link);
   quantity.in_body = ToArray(axis ? turned : turned + found->pose.translation);

@@ -34,7 +34,18 @@ struct SpaceQuantity {
     /// which is the angle itself where that is small [rad]. Its square has a gradient everywhere
     /// but where e points the other way.
     kMisalignment,
+    /// The angle [rad] by which an axis e of the link is turned about d, by the right hand: of its
+    /// projection onto the plane across d, from that of the world's x (of the world's y where d is
+    /// within 26 degrees of x or -x), in (-pi, pi]. Angles that are whole turns apart are the same
+    /// heading (Near).
+    ///
+    /// The projection's length is the sine of the angle between e and d. The slopes grow as its
+    /// inverse, and below kLeastProjection there is no heading to speak of (IsDefined): the value
+    /// is that of the rounding there, but a number. Where e is along d to 1e-9 there are no slopes.
+    kHeading,
   };
+  /// Of an axis that is as good as along d: within 1.1 degrees.
+  static constexpr double kLeastProjection = 0.02;
   /// A degree of freedom that carries the link.
   struct Joint {
     std::size_t dof = 0;
@@ -58,6 +69,16 @@ struct SpaceQuantity {
     return of == Of::kVelocity || of == Of::kAngularVelocity;
   }
 
+  [[nodiscard]] bool of_axis() const { return of == Of::kMisalignment || of == Of::kHeading; }
+
+  /// Of the values that are the same as this one, that which is nearest to `target`. Only headings
+  /// have others: halfway round, it is the larger of the two.
+  [[nodiscard]] double Near(double target, double value) const {
+    return of == Of::kHeading ? NearHeading(target, value) : value;
+  }
+  /// Whether the robot has such a value now: no axis whose heading is asked for is along d.
+  [[nodiscard]] bool IsDefined(std::span<const double> q, const SpaceMatrix& axes) const;
+
   /// @param q, qd  of all degrees of freedom.
   /// @param axes   of the root (RootChart).
   [[nodiscard]] double Value(std::span<const double> q, std::span<const double> qd,
@@ -70,6 +91,7 @@ struct SpaceQuantity {
   struct Places;
   [[nodiscard]] Places At(std::span<const double> q, std::span<const double> qd,
                           const SpaceMatrix& axes) const;
+  static double NearHeading(double target, double value);
 };
 
 /// @param in_link    the point [m] or the axis, in the frame of the link in the robot's file.

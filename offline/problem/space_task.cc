@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -140,8 +141,8 @@ struct SpaceCostEntry : CostTerm {
   Triple point_m{}, axis{}, along{};
 };
 
-constexpr std::array<std::string_view, 4> kQuantities = {"position", "velocity", "angular_velocity",
-                                                         "misalignment"};
+constexpr std::array<std::string_view, 5> kQuantities = {"position", "velocity", "angular_velocity",
+                                                         "misalignment", "heading"};
 constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
 
 constexpr std::array kTermKeys = {
@@ -149,15 +150,18 @@ constexpr std::array kTermKeys = {
         "term", CostTerm::kKindNames,
         "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2; weight times "
         "the work of the motors [J], which between rests of one height is what turns into heat, as "
-        "where feet slide")
+        "where feet slide; weight times the [slip](#slip) of contacts that carry weight [m]")
         .Required(),
     KeyOf<&CostTerm::weight, SpaceCostEntry>("weight", {-1e9, 1e9}, "")
         .Required()
-        .Allowed("-1e9 to 1e9; not negative for `terminal` and `effort`"),
+        .Allowed("-1e9 to 1e9; negative for `terminal-linear` alone"),
 };
 
 bool HasPoint(const SpaceCostEntry& term) {
   return term.of == SpaceQuantity::Of::kPosition || term.of == SpaceQuantity::Of::kVelocity;
+}
+bool HasAxis(const SpaceCostEntry& term) {
+  return term.of == SpaceQuantity::Of::kMisalignment || term.of == SpaceQuantity::Of::kHeading;
 }
 bool IsSquare(const SpaceCostEntry& term) { return term.kind == CostTerm::Kind::kSquare; }
 
@@ -167,6 +171,7 @@ void SetTolerance(SpaceCostEntry& term) {
       term.tolerance = CostTerm::kLengthTolerance_m;
       break;
     case SpaceQuantity::Of::kMisalignment:
+    case SpaceQuantity::Of::kHeading:
       term.tolerance = CostTerm::kAngleTolerance_rad;
       break;
     default:
@@ -176,8 +181,9 @@ void SetTolerance(SpaceCostEntry& term) {
 
 constexpr std::array kQuantityKeys = {
     KeyOf<&SpaceCostEntry::of>("of", kQuantities,
-                               "of a link: where a point of it is, how fast, how fast it turns, or "
-                               "how far an axis of it is from a direction, 2 sin(angle / 2)")
+                               "of a link: where a point of it is, how fast, how fast it turns, "
+                               "how far an axis of it is from a direction, 2 sin(angle / 2), or "
+                               "the [heading](#headings) of an axis of it")
         .Required()
         .Default("required for terminal terms"),
     KeyOf<&SpaceCostEntry::link>("link", "of the robot's file").Default("the root's link"),
@@ -186,12 +192,12 @@ constexpr std::array kQuantityKeys = {
         .Where(HasPoint),
     KeyOf<&SpaceCostEntry::axis>("axis", kPlace, "in the link's frame; made a unit vector")
         .Required()
-        .Default("required for `misalignment`")
-        .Where(
-            [](const SpaceCostEntry& term) { return term.of == SpaceQuantity::Of::kMisalignment; }),
+        .Default("required for `misalignment` and `heading`")
+        .Where(HasAxis),
     KeyOf<&SpaceCostEntry::along>("along", kPlace,
-                                  "direction of the world along which the value is taken, or with "
-                                  "which the axis is to be aligned; made a unit vector")
+                                  "direction of the world along which the value is taken, with "
+                                  "which the axis is to be aligned, or about which a heading is, "
+                                  "by the right hand; made a unit vector")
         .Required()
         .Default("required for terminal terms"),
     KeyOf<&CostTerm::when, SpaceCostEntry>("when", kWhen, "of the motion, or of the settle phase"),
@@ -201,7 +207,9 @@ constexpr std::array kQuantityKeys = {
                  [](const SpaceCostEntry& term) {
                    return Range{0, term.latest_s, true};
                  }),
-    KeyOf<&CostTerm::target, SpaceCostEntry>("target", kPlace, "of `terminal`").Where(IsSquare),
+    KeyOf<&CostTerm::target, SpaceCostEntry>("target", kPlace, "of `terminal`")
+        .Allowed("-1000 to 1000; of a heading -3.15 to 3.15")
+        .Where(IsSquare),
     KeyOf<&CostTerm::from_start, SpaceCostEntry>(
         "from_start", "of `terminal`: the target is from the value at the start")
         .Where(IsSquare),
@@ -212,6 +220,24 @@ constexpr std::array kQuantityKeys = {
         .Default("0.02 m, 0.05 rad, 0.1 m/s or rad/s", SetTolerance)
         .Where(IsSquare),
 };
+
+/// Checks what is asked of a heading, which knows no whole turns.
+void CheckHeading(TomlTable& table, SpaceCostEntry& term) {
+  constexpr double kHalfTurn = 3.15;  // pi, however it was rounded
+  if (std::abs(term.target) > kHalfTurn) {
+    table.Fail("target",
+               fmt::format("is {} rad of a heading, of which angles that are whole turns apart are "
+                           "the same; allowed: -3.15 to 3.15; ask for a heading on the way, at "
+                           "a time_s, where the robot is to turn farther",
+                           MessageNumber(term.target)));
+  }
+  if (term.tolerance >= std::numbers::pi) {
+    table.Fail("tolerance", fmt::format("is {} rad, which no heading misses; allowed: below pi",
+                                        MessageNumber(term.tolerance)));
+  }
+  // So that it does not jump by a turn before the robot has made half of one.
+  if (!IsSquare(term)) term.from_start = true;
+}
 
 CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem& problem) {
   SpaceCostEntry term;
@@ -226,6 +252,8 @@ CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem&
       for (const ActuatedJoint& joint : problem.joints)
         term.joint_dofs.push_back(static_cast<std::size_t>(joint.dof));
     }
+    if (term.kind == CostTerm::Kind::kSlip)
+      term.robot_weight_n = robot.mass_kg() * robot.tree.gravity.norm();
     return term;
   }
   term.latest_s = problem.duration_s + problem.settle_s;
@@ -235,7 +263,7 @@ CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem&
   if (ToVector(term.along).norm() < 1e-6)
     table.Fail("along", "has no direction; allowed: any but [0, 0, 0]");
   const bool misaligned = term.of == SpaceQuantity::Of::kMisalignment;
-  if (misaligned && ToVector(term.axis).norm() < 1e-6)
+  if (HasAxis(term) && ToVector(term.axis).norm() < 1e-6)
     table.Fail("axis", "has no direction; allowed: any but [0, 0, 0]");
   if (misaligned && (term.target != 0 || term.from_start))
     table.Fail("target", "is given for a misalignment, which is to be 0; leave it out");
@@ -245,9 +273,10 @@ CostTerm ReadSpaceCost(TomlTable& table, const SpaceRobot& robot, const Problem&
                                         "2); allowed: below 2",
                                         MessageNumber(term.tolerance)));
   }
+  if (term.of == SpaceQuantity::Of::kHeading) CheckHeading(table, term);
   try {
-    term.quantity = QuantityOfLink(robot, term.of, term.link, misaligned ? term.axis : term.point_m,
-                                   term.along);
+    term.quantity = QuantityOfLink(robot, term.of, term.link,
+                                   HasAxis(term) ? term.axis : term.point_m, term.along);
   } catch (const std::invalid_argument& error) {
     table.Fail("link", fmt::format("is '{}', which {}", term.link, error.what()));
   }
@@ -319,7 +348,12 @@ class Reader {
     }
     ReadSelfContact(root_, ends, scene_);
     ReadCosts(
-        root_, [this](TomlTable& table) { return ReadSpaceCost(table, scene_.robot, problem_); },
+        root_,
+        [this](TomlTable& table) {
+          const CostTerm term = ReadSpaceCost(table, scene_.robot, problem_);
+          if (term.from_start) from_start_.emplace_back(table, term.quantity);
+          return term;
+        },
         problem_);
     ReadSettings(root_, problem_);
     if (std::optional<TomlTable> table = root_.OptionalTable("drives"))
@@ -327,6 +361,12 @@ class Reader {
     problem_.space->robust = ReadSpaceRobust(root_, problem_);
     TomlTable start = root_.Table("start");
     ReadStart(start);
+    for (const auto& [table, quantity] : from_start_) {
+      if (quantity.IsDefined(problem_.start_q, problem_.space->start_orientation)) continue;
+      table.Fail("axis",
+                 "points along `along` where the robot starts, and has no heading there from which "
+                 "another one could be told; give another axis, or a target without from_start");
+    }
     SetTargetsFromStart(problem_);
     root_.RejectUnknownKeys();
     for (const std::vector<double>& q : ends) {
@@ -446,6 +486,7 @@ class Reader {
   const std::optional<StartPose>& given_;
   Problem problem_;
   SpaceScene& scene_;
+  std::vector<std::pair<TomlTable, SpaceQuantity>> from_start_;  // of targets from the start
 };
 
 std::vector<KeyTable> KeyTables() {

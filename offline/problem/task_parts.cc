@@ -109,7 +109,7 @@ void CheckAgainstOthers(TomlTable& table, const CostTerm& term, const Problem& p
                       other.from_start == term.from_start &&
                       std::abs(other.time_s - term.time_s) <= 1e-9 && other.point == term.point &&
                       other.quantity == term.quantity;
-    const double apart = std::abs(term.target - other.target);
+    const double apart = std::abs(term.quantity.Near(other.target, term.target) - other.target);
     if (!same || apart <= term.tolerance + other.tolerance + 1e-9) continue;
     table.Fail("target",
                fmt::format("asks for {} of what another [[cost]] asks to be {} at the same time; "

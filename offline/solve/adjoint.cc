@@ -160,8 +160,10 @@ void Adjoint<Space>::PullBackStage(int step, int s) {
   if (by_state) by_q.fill(0), by_qd.fill(0);
   if (has_cost()) {
     const CostPoint there = record.At(stage);
+    double by_slip = 0;
     for (const auto& term : forward_.running)
-      term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque});
+      term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque, &by_slip});
+    if (record.integrates_slip()) record.AddSlipSlopes(stage, by_slip, by_q, by_qd);
   }
   for (int j = 0; j < joints_; ++j) {
     r[Index(free_ + j)] = Lanes::Zero();

@@ -34,6 +34,7 @@ struct ForwardSensitivity::Implementation {
         na(motion.joints()),
         parameters(motion.parameters()),
         rows(2 * nf + 1),
+        integrates_slip(CostTerm::AnySlip(problem.cost)),
         paths(motion),
         outputs(motion, settings.scheme == StepSettings::Scheme::kAdaptive ? problem.solver.step_s
                                                                            : settings.step_s),
@@ -110,7 +111,9 @@ struct ForwardSensitivity::Implementation {
       if (LimitsTorqueBySpeed(motion.joint(j))) RecordCurve(j, moving, z, stage);
     }
     RecordPenetration(moving, z, stage);
-    EvaluateCost({robot.q, robot.qd, stage.torque}, moving, z, stage.torque_slope, slope);
+    CostPoint here{robot.q, robot.qd, stage.torque};
+    if (integrates_slip) here.loaded_slip = robot.contact->LoadedSlip();
+    EvaluateCost(here, moving, z, stage.torque_slope, slope);
     for (int i = 0; i < nf; ++i) {
       slope[Index(i)] = z[Index(nf + i)];
       slope[Index(nf + i)] = robot.qdd[Index(robot.free[Index(i)])];
@@ -140,7 +143,11 @@ struct ForwardSensitivity::Implementation {
         continue;
       }
       SceneDynamics::Numbers by_q{}, by_qd{};
-      term.AddSlopes(term.weight, here, {by_q, by_qd, by_torque});
+      double by_slip = 0;
+      term.AddSlopes(term.weight, here, {by_q, by_qd, by_torque, &by_slip});
+      if (by_slip != 0)
+        robot.contact->AddLoadedSlipSlopes(robot.dynamics, by_slip, {by_q.data(), robot.n},
+                                           {by_qd.data(), robot.n});
       AddByState(by_q, 0, moving, z, out);
       AddByState(by_qd, 1, moving, z, out);
     }
@@ -343,6 +350,7 @@ struct ForwardSensitivity::Implementation {
   int nf, na;      // numbers of free and of actuated degrees of freedom
   int parameters;  // how many
   int rows;        // those of y, and of S
+  bool integrates_slip;
   PathsWithSlopes paths;
   MotionOutputs outputs;
   Integrator integrator;

@@ -17,6 +17,7 @@ MotionRecord<Space>::MotionRecord(const ParametricMotion& motion, Dynamics& robo
   integrates_state_ = std::ranges::any_of(motion.problem().cost, [](const CostTerm& term) {
     return term.when == CostTerm::When::kThroughout && term.of_state();
   });
+  integrates_slip_ = CostTerm::AnySlip(motion.problem().cost);
 }
 
 /// A limb is what hangs on the root by one joint. Inverse dynamics knows nothing between two limbs,
@@ -49,6 +50,7 @@ void MotionRecord<Space>::Resize(const Timetable& table) {
   values_.torque.resize(stages * joints_);
   values_.penetration.resize(stages);
   penetration_slope_.resize(stages * order_.size());
+  if (integrates_slip_) slip_.resize(stages);
   dynamics_.clear();
 }
 
@@ -57,6 +59,7 @@ void MotionRecord<Space>::PrepareDerivatives() {
   if (!dynamics_.empty()) return;
   dynamics_.resize(values_.penetration.size() * stage_size_);
   if (integrates_state_) states_.resize(values_.penetration.size() * 2 * robot_.n);
+  if (integrates_slip_) slip_slopes_.resize(values_.penetration.size() * 2 * robot_.n);
 }
 
 template <class Space>
@@ -88,6 +91,11 @@ void MotionRecord<Space>::StoreDerivatives(std::size_t stage, const double* slop
   double* const states = &states_[stage * 2 * robot_.n];
   std::copy_n(robot_.q.begin(), robot_.n, states);
   std::copy_n(robot_.qd.begin(), robot_.n, states + robot_.n);
+  if (!integrates_slip_) return;
+  const std::span<double> slopes(&slip_slopes_[stage * 2 * robot_.n], 2 * robot_.n);
+  std::ranges::fill(slopes, 0.0);
+  robot_.contact->AddLoadedSlipSlopes(robot_.dynamics, 1, slopes.first(robot_.n),
+                                      slopes.last(robot_.n));
 }
 
 template class MotionRecord<Plane>;

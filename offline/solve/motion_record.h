@@ -39,11 +39,13 @@ class MotionRecord {
   void PrepareDerivatives();
 
   /// Stores the torques of the robot as it was just evaluated.
-  /// @returns the stage as the cost sees it.
+  /// @returns the stage as the cost sees it, with its slip where that is asked for.
   CostPoint StoreTorques(std::size_t stage) {
     double* const torques = &values_.torque[stage * joints_];
     for (std::size_t j = 0; j < joints_; ++j) torques[j] = robot_.tau[Index(order_[free_ + j])];
-    return {robot_.q, robot_.qd, {torques, joints_}};
+    CostPoint here{robot_.q, robot_.qd, {torques, joints_}};
+    if (integrates_slip_) here.loaded_slip = slip_[stage] = robot_.contact->LoadedSlip();
+    return here;
   }
   void StorePenetration(std::size_t stage, double penetration) {
     values_.penetration[stage] = penetration;
@@ -64,7 +66,18 @@ class MotionRecord {
     if (!integrates_state_) return {{}, {}, torques};
     const std::size_t n = robot_.n;
     const double* const states = &states_[stage * 2 * n];
-    return {{states, n}, {states + n, n}, torques};
+    CostPoint there{{states, n}, {states + n, n}, torques};
+    if (integrates_slip_) there.loaded_slip = slip_[stage];
+    return there;
+  }
+  /// Whether an integral of the cost is of the slip under load.
+  [[nodiscard]] bool integrates_slip() const { return integrates_slip_; }
+  /// Adds `scale` times the derivatives of a stage's slip by positions and velocities.
+  void AddSlipSlopes(std::size_t stage, double scale, typename Dynamics::Numbers& by_q,
+                     typename Dynamics::Numbers& by_qd) const {
+    const double* slopes = &slip_slopes_[stage * 2 * robot_.n];
+    for (std::size_t i = 0; i < robot_.n; ++i) by_q[i] += scale * *slopes++;
+    for (std::size_t i = 0; i < robot_.n; ++i) by_qd[i] += scale * *slopes++;
   }
 
   [[nodiscard]] const StageValues& values() const { return values_; }
@@ -114,11 +127,14 @@ class MotionRecord {
   std::vector<Entries> entries_;  // of the rows of each degree of freedom in `order_`
   bool keeps_slope_;              // of the state
   bool integrates_state_ = false;
+  bool integrates_slip_ = false;
   std::size_t stage_size_;  // of `dynamics_`
   StageValues values_;
   std::vector<double> penetration_slope_;
   std::vector<double> dynamics_;
-  std::vector<double> states_;  // positions, then velocities, of a stage
+  std::vector<double> states_;       // positions, then velocities, of a stage
+  std::vector<double> slip_;         // of a stage, where the cost asks for it
+  std::vector<double> slip_slopes_;  // by positions, then by velocities
   typename HybridDynamics<Space>::Derivatives derivatives_;
 };
 

@@ -90,7 +90,7 @@ void PurposeJudge::JudgeUnderWay(double time_s, const TwinState& truth) {
     // The executor's time has single precision.
     constexpr double kRounding_s = 1e-6;
     if (time_s < judged.target.time_s - kRounding_s) continue;
-    judged.result = ResultOf(i, moving_, truth);
+    judged.Judge(ResultOf(i, moving_, truth));
     judged.after_s = time_s - primitive.duration_s;
   }
 }
@@ -109,7 +109,7 @@ void PurposeJudge::JudgeLast(double since_end_s, bool settled, bool next, const 
     const double due_s =
         DueTime(judged.target, primitive.duration_s, primitive.settle_s) - primitive.duration_s;
     if (!next && !(since_end_s >= due_s && (settled || !rests))) continue;
-    judged.result = ResultOf(i, ended_, truth);
+    judged.Judge(ResultOf(i, ended_, truth));
     judged.after_s = since_end_s;
   }
   if (!passage.pitch_later_rad && (next || (settled && since_end_s >= Passage::kLater_s))) {

@@ -234,6 +234,71 @@ TYPED_TEST(ContactPairsIn, HaveExactDerivativesThroughDynamics) {
   }
 }
 
+TYPED_TEST(ContactPairsIn, SlideUnderLoadWithTheSlopesOfTheDifferences) {
+  using Space = TypeParam;
+  std::mt19937_64 random(95);
+  for (const Touch& touch : AllTouches<Space>()) {
+    int compared = 0, at_a_switch = 0, sliding = 0;
+    for (int trial = 0; trial < 200 && compared < 15; ++trial) {
+      Scene<Space> scene = RandomScene<Space>(random, touch);
+      if (trial % 2 == 0) {
+        for (double& v : scene.state.qd) v *= 10;  // beyond the slip speed
+      }
+      const auto slip_at = [&scene](const DynamicsState& s) {
+        scene.dynamics.SetState(s.q, s.qd);
+        scene.contact.Apply(scene.dynamics);
+        return scene.contact.LoadedSlip();
+      };
+      const DynamicsState s = scene.state;
+      const auto n = s.q.size();
+      // Friction turns mu times as much into heat.
+      double heat = 0;
+      scene.Outputs(s);
+      for (const auto& active : scene.contact.active()) {
+        const auto v_of = [&](int shape) {
+          const int body = scene.contact.shapes()[static_cast<std::size_t>(shape)].body;
+          return scene.dynamics.velocity(body).At(active.point);
+        };
+        typename Space::Vector v = v_of(active.shape);
+        if (active.other_shape >= 0) v -= v_of(active.other_shape);
+        const typename Space::Vector v_t = v - v.dot(active.normal) * active.normal;
+        heat -= v_t.dot(active.force);
+        if (v_t.norm() > scene.contact.law().v_max_m_per_s && active.normal_force_n > 0) ++sliding;
+      }
+      const double here = slip_at(s);
+      EXPECT_NEAR(scene.contact.law().mu * here, heat, 1e-9 * (1 + heat)) << NameOf(touch);
+      std::vector<double> by_q(n), by_qd(n);
+      scene.contact.AddLoadedSlipSlopes(scene.dynamics, 1, by_q, by_qd);
+      double worst = 0;
+      bool smooth = true;
+      for (std::size_t k = 0; k < n; ++k) {
+        for (const bool of_rate : {false, true}) {
+          const auto central = [&](double h) {
+            DynamicsState p = s, m = s;
+            (of_rate ? p.qd : p.q)[k] += h;
+            (of_rate ? m.qd : m.q)[k] -= h;
+            return (slip_at(p) - slip_at(m)) / (2 * h);
+          };
+          const double wide = central(1e-6), narrow = central(5e-7);
+          const double reference = (4 * narrow - wide) / 3;
+          const double scale = 1e3 + std::abs(reference);
+          smooth = smooth && std::abs(wide - narrow) < 2e-7 * scale;
+          worst = std::max(worst, std::abs((of_rate ? by_qd : by_q)[k] - reference) / scale);
+        }
+      }
+      if (!smooth) {
+        ++at_a_switch;
+        continue;
+      }
+      ++compared;
+      ASSERT_LT(worst, 1e-7) << NameOf(touch) << ", trial " << trial;
+    }
+    EXPECT_EQ(compared, 15) << NameOf(touch);
+    EXPECT_LT(at_a_switch, 40) << NameOf(touch);
+    EXPECT_GT(sliding, 2) << NameOf(touch);
+  }
+}
+
 TYPED_TEST(ContactPairsIn, AreActionAndReaction) {
   // Without outer forces the momentum of the whole robot does not change, whatever its parts touch.
   using Space = TypeParam;
@@ -389,6 +454,27 @@ Tree<Space> Particle(double gravity) {
     tree.dofs.push_back(dof);
   }
   return tree;
+}
+
+TYPED_TEST(ContactPairsIn, SlideUnderNoLoadWhileTheyPartFast) {
+  using Space = TypeParam;
+  constexpr int kUp = kDimensionOf<Space> - 1;
+  const Tree<Space> tree = Particle<Space>(9.81);
+  const ContactLaw law;
+  ContactModel<Space> contact(
+      law, {{"ball/0", kUp, Shape<Space>::Sphere(Space::Vector::Zero(), 0.03)}},
+      {{"ground", Shape<Space>::HalfSpace(Space::Vector::Zero(), Space::Vector::Unit(kUp))}});
+  HybridDynamics<Space> dynamics(tree);
+  std::vector<double> q(tree.dofs.size()), qd(q.size()), by_q(q.size()), by_qd(q.size());
+  q.back() = 0.031;
+  qd.front() = 1;
+  qd.back() = 10;
+  dynamics.SetState(q, qd);
+  contact.Apply(dynamics);
+  ASSERT_EQ(contact.active().size(), 1U);
+  EXPECT_EQ(contact.LoadedSlip(), 0);
+  contact.AddLoadedSlipSlopes(dynamics, 1, by_q, by_qd);
+  for (std::size_t i = 0; i < q.size(); ++i) EXPECT_EQ(std::abs(by_q[i]) + std::abs(by_qd[i]), 0);
 }
 
 TYPED_TEST(ContactPairsIn, ForceAndItsDerivativesAreContinuousAcrossEverySwitchOfTheLaw) {

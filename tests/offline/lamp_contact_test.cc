@@ -57,6 +57,11 @@ Outputs Evaluate(const Problem& problem, ContactForces<Plane>& contact, const Dy
     contact.AddDepthSlopes(dynamics, active, 2, slopes);
     out.derivatives.insert(out.derivatives.end(), slopes.begin(), slopes.end());
   }
+  std::vector<double> by_q(qdd.size()), by_qd(qdd.size());
+  contact.AddLoadedSlipSlopes(dynamics, 2, by_q, by_qd);
+  out.values.push_back(contact.LoadedSlip());
+  out.derivatives.insert(out.derivatives.end(), by_q.begin(), by_q.end());
+  out.derivatives.insert(out.derivatives.end(), by_qd.begin(), by_qd.end());
   return out;
 }
 

@@ -142,8 +142,28 @@ along = [1.0, 1.0, 0.5]
 time_s = 0.2
 weight = 0.2
 [[cost]]
+term = "terminal"
+of = "heading"
+link = "leg1_link"
+axis = [0.4, 0.3, 1.0]
+along = [0.1, 0.3, 1.0]
+time_s = 0.35
+from_start = true
+target = 1.0
+weight = 0.3
+[[cost]]
+term = "terminal-linear"
+of = "heading"
+axis = [0.0, 1.0, 0.2]
+along = [1.0, 0.0, 0.1]
+when = "settled"
+weight = 0.1
+[[cost]]
 term = "work"
 weight = 0.05
+[[cost]]
+term = "slip"
+weight = 2.0
 [[cost]]
 term = "terminal-linear"
 of = "position"

@@ -478,5 +478,29 @@ TEST(SpaceSelfDistances, AreThoseOfPointsByHandAndHaveTheirDifferencesAsSlopes) 
   }
 }
 
+/// The slip term of a motion in this problem [m].
+double SlipOf(Problem problem, const std::vector<double>& x) {
+  std::erase_if(problem.cost,
+                [](const CostTerm& term) { return term.kind != CostTerm::Kind::kSlip; });
+  problem.cost.at(0).weight = 1;
+  return Rollout(problem, problem.solver.step_s).Run(x).cost;
+}
+
+TEST(WalkThatPaysForSlip, SlidesLessThanHalfOfTheWayOfOneThatDoesNot) {
+  const std::string walk = ReadFile(SourcePath("primitives/solo8/tasks/walk.toml"));
+  Task task = Parsed(
+      testing::Replaced(walk, "[contact]", "[[cost]]\nterm = \"slip\"\nweight = 2.0\n\n[contact]"));
+  const std::vector<double> shipped =
+      ParametersOf(LoadPrimitive(SourcePath("primitives/solo8/walk.toml")).primitive);
+  const double before_m = SlipOf(task.problem, shipped);
+  const TaskResult result = WorkOn(std::move(task), Quietly(1));
+  ASSERT_TRUE(result.file) << result.cause;
+  EXPECT_TRUE(result.look.acceptable()) << result.look.Objections();
+  EXPECT_GT(before_m, 0.02);
+  EXPECT_LT(SlipOf(result.problem(), result.best.x), before_m / 2);
+  ASSERT_TRUE(result.look.slip_m);
+  EXPECT_LT(*result.look.slip_m, 0.1);
+}
+
 }  // namespace
 }  // namespace tumbler

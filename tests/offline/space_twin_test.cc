@@ -19,6 +19,8 @@
 #include "offline/problem/contact_steps.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/quaternion.h"
+#include "offline/twin/purpose_judge.h"
 #include "offline/twin/simulated_robot.h"
 #include "offline/twin/twin.h"
 #include "offline/twin/twin_toml.h"
@@ -315,6 +317,61 @@ TEST_F(SoloWalks, TheSameWhereverItBeginsAndWhateverItsHeading) {
   const std::vector<double> a = ResultsOf(here), b = ResultsOf(there);
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 2e-4) << i;
+}
+
+/// Judges the walk, as if it were for a heading of the base's x at its end, of a robot that begins
+/// turned by `begins` about the vertical and ends as it says.
+JudgedTarget HeadingJudged(const std::string& walk, double target, double begins,
+                           const SpaceMatrix& ends) {
+  const SimulatedMotion motion(LoadMotion(walk), TaskSpaces::kPlaneAndSpace);
+  SequenceFile file = motion.file();
+  PrimitiveFile& primitive = file.primitives[0];
+  PurposeTarget heading{PurposeTarget::Of::kHeading, PurposeTarget::When::kEnd, target, 0.05};
+  heading.link = "base_link";
+  heading.in_space = {1, 0, 0};
+  heading.along = {0, 0, 1};
+  primitive.purpose = {{heading, target}};
+  PurposeJudge judge(file, motion.problem().space->scene.robot);
+  TwinState truth;
+  truth.joint_positions_rad = primitive.entry.joint_positions_rad;
+  truth.joint_velocities_rad_s.resize(truth.joint_positions_rad.size());
+  const auto turned = [&](const SpaceMatrix& by) {
+    truth.root_quaternion = ToQuaternion(by * ToRotation(primitive.entry.root_quaternion));
+  };
+  TickRecord record;
+  record.state = ExecutorState::kRunning;
+  turned(Spatial::RotationBy(SpaceVector::UnitZ(), begins).m);
+  judge.Observe(record, 0, truth);
+  turned(ends);
+  record.state = ExecutorState::kSettling;
+  judge.Observe(record, 1000 * kMs, truth);
+  return judge.passages().at(0).purpose.at(0);
+}
+
+TEST_F(SoloWalks, AHeadingIsJudgedFromThatWithWhichTheMotionBeginsAndTheShortWayRound) {
+  const auto about_z = [](double angle) {
+    return Spatial::RotationBy(SpaceVector::UnitZ(), angle).m;
+  };
+  for (const double begins : {0.0, 1.0, 2.9, -2.0}) {
+    const JudgedTarget left = HeadingJudged(walk_, 1.57, begins, about_z(begins + 1.55));
+    ASSERT_TRUE(left.result);
+    EXPECT_NEAR(*left.result, 1.55, 1e-6) << begins;
+    EXPECT_EQ(left.met(), true);
+    const JudgedTarget right = HeadingJudged(walk_, 1.57, begins, about_z(begins - 1.55));
+    EXPECT_NEAR(right.result.value(), -1.55, 1e-6) << begins;
+    // Beyond half a turn the angle goes on.
+    const JudgedTarget about = HeadingJudged(walk_, 3.1, begins, about_z(begins + 3.18));
+    EXPECT_NEAR(about.result.value(), 3.18, 1e-6) << begins;
+  }
+}
+
+TEST_F(SoloWalks, ARobotWhoseAxisPointsUpHasNoHeadingAndIsNotJudged) {
+  const SpaceMatrix up = Spatial::RotationBy(SpaceVector::UnitY(), -1.5707963267948966).m;
+  const JudgedTarget judged = HeadingJudged(walk_, 0, 0.3, up);
+  EXPECT_FALSE(judged.result);
+  EXPECT_EQ(judged.name(), "heading of base_link's (1, 0, 0) about (0, 0, 1), at the end");
+  EXPECT_THAT(judged.Verdict(), HasSubstr("not judged, the axis points along the direction"));
+  EXPECT_FALSE(AllMet({judged}));
 }
 
 TEST_F(SoloWalks, APushFromTheSideThatFellsItIsToldAndOneThatItBearsIsNot) {

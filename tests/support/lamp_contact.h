@@ -117,6 +117,26 @@ class LampContact final : public ContactForces<Plane> {
     slopes[kUpperArm] -= scale * (ax + kArm * dynamics.rotation(kLowerArm).s);
   }
 
+  [[nodiscard]] double LoadedSlip() const override {
+    double sum = 0;
+    for (std::size_t i = 0; i < count_; ++i)
+      sum += balls_[i].N * balls_[i].T * (balls_[i].vx + balls_[i].w * balls_[i].radius);
+    return sum;
+  }
+
+  void AddLoadedSlipSlopes(const Dynamics& dynamics, double scale, std::span<double> by_q,
+                           std::span<double> by_qd) const override {
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Ball& b = balls_[i];
+      const double vt = b.vx + b.w * b.radius;
+      const double by_N = scale * b.T * vt, by_vt = scale * b.N * (b.T + vt * b.T_v);
+      const double by_d = by_N * b.N_d, by_vn = by_N * b.N_v;
+      const Plane::Wrench by_place{by_d * b.px + by_vn * b.vx - by_vt * b.vn, {0, by_d}};
+      const Plane::Wrench by_velocity{by_vn * b.px - by_vt * b.pz, {by_vt, by_vn}};
+      dynamics.AddStateSlopes(b.body, by_place, by_velocity, by_q, by_qd);
+    }
+  }
+
  private:
   // Degrees of freedom: x, z, pitch, ankle, knee.
   static constexpr int kFoot = 2, kLowerArm = 3, kUpperArm = 4;
