@@ -679,17 +679,6 @@ ChainOutcome::Judged ChainOutcome::CountJudged() const {
   return count;
 }
 
-void RequireSameGround(const SimulatedMotion& motion) {
-  const SequenceFile& file = motion.file();
-  for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    if (SameGround(motion.ProblemOf(0), motion.ProblemOf(i))) continue;
-    throw FileError(file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
-                    fmt::format("was made for other [contact] or [[obstacle]] than '{}'; give both "
-                                "tasks the same and make it again",
-                                file.primitive_names.front()));
-  }
-}
-
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor) {
   if (motion.problem().space) return SimulateChainInSpace(motion, options);

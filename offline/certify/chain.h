@@ -113,11 +113,6 @@ struct ChainOutcome {
   [[nodiscard]] Judged CountJudged() const;
 };
 
-/// Checks that all primitives were made for the same ground, because a sequence is played on one.
-/// @throws FileError naming the first primitive whose task has another contact law or other
-/// obstacles than the first.
-void RequireSameGround(const SimulatedMotion& motion);
-
 /// Plays a sequence in the nominal simulation: the dynamics, contacts and obstacles of the
 /// primitives' tasks, joints exactly on their paths, RK4 with a fixed step as in Rollout. It begins
 /// at rest in the entry pose of the first node. From then on the state is carried from primitive to

@@ -1,8 +1,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <memory>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "common/files/sequence_toml.h"
 #include "firmware_interface/devices/error_texts.h"
@@ -190,7 +194,7 @@ class RunReader {
 
   /// Takes the truth from an LCM log, in place of the truth in the record.
   void TakeTruthLog(const std::string& path) {
-    truths_.clear();
+    const std::vector<space_truth_t> own = std::exchange(truths_, {});
     for (LoggedTruth& logged : ReadTruthLog(path)) {
       std::int64_t& time_ns = logged.truth.truth.time_ns;
       time_ns = (logged.utime_us - configuration_.utime_at_zero_us) * 1000;
@@ -201,6 +205,62 @@ class RunReader {
     if (truths_.empty()) {
       throw std::runtime_error(fmt::format("{}: holds nothing of the time of {}", path, run_.name));
     }
+    if (const double apart = own.empty() ? ApartFromMeasured() : ApartFrom(own);
+        apart > (own.empty() ? kMeasuredApart : kTrueApart)) {
+      throw std::runtime_error(
+          fmt::format("{}: is of another run than {}: a joint or the root is {:.3g} rad or m from "
+                      "where the record {} it; allowed: the log of the same run",
+                      path, run_.name, apart, own.empty() ? "measured" : "has"));
+    }
+  }
+
+  /// How far a true state may be from what the same run recorded of it, and the median of how far a
+  /// joint is from where it is measured: encoders and their zeros err, and replies are late.
+  static constexpr double kTrueApart = 1e-3, kMeasuredApart = 0.2;
+
+  /// The largest distance of the root or of a joint from true states of the same times.
+  [[nodiscard]] double ApartFrom(const std::vector<space_truth_t>& own) const {
+    constexpr std::int64_t kSame_ns = 500'000;
+    double apart = 0;
+    auto at = own.begin();
+    for (const space_truth_t& state : truths_) {
+      const truth_t& truth = state.truth;
+      while (at != own.end() && at->truth.time_ns < truth.time_ns - kSame_ns) ++at;
+      if (at == own.end()) break;
+      if (at->truth.time_ns > truth.time_ns + kSame_ns) continue;
+      apart = std::max({apart, std::abs(truth.root_x_m - at->truth.root_x_m),
+                        std::abs(state.root_y_m - at->root_y_m),
+                        std::abs(truth.root_z_m - at->truth.root_z_m)});
+      for (std::size_t j = 0; j < std::min(truth.joints.size(), at->truth.joints.size()); ++j) {
+        apart = std::max(apart,
+                         std::abs(truth.joints[j].position_rad - at->truth.joints[j].position_rad));
+      }
+    }
+    return apart;
+  }
+
+  /// Of the joint of which it is the largest, the median of its distance from where it is measured.
+  [[nodiscard]] double ApartFromMeasured() const {
+    double largest = 0;
+    for (std::size_t j = 0; j < run_.joint_count(); ++j) {
+      std::vector<double> apart;
+      std::size_t i = 0;
+      for (const space_truth_t& state : truths_) {
+        const double t = Seconds(state.truth.time_ns - zero_ns_);
+        while (i + 1 < run_.ticks.size() && run_.ticks[i].time_s < t) ++i;
+        const JointRecord& measured = run_.joint(i, j);
+        const auto joint =
+            std::ranges::find(state.truth.joints, configuration_.joints[j], &joint_truth_t::name);
+        if (measured.reply_age_ticks < 0 || joint == state.truth.joints.end()) continue;
+        apart.push_back(
+            std::abs(joint->position_rad - static_cast<double>(measured.measured.position_rad)));
+      }
+      if (apart.empty()) continue;
+      std::ranges::nth_element(apart,
+                               apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2));
+      largest = std::max(largest, apart[apart.size() / 2]);
+    }
+    return largest;
   }
 
   void ReadTruths() {

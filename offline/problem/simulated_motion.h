@@ -24,7 +24,8 @@ class SimulatedMotion {
   [[nodiscard]] const SequenceFile& file() const { return file_; }
 
   /// The problem of a primitive, given by its index.
-  /// @throws FileError when the texts of the primitive cannot be used.
+  /// @throws FileError when the texts of the primitive cannot be used, or its purpose is of
+  /// something that its robot has not.
   [[nodiscard]] const Problem& ProblemOf(std::size_t primitive) const;
   /// The problem of the primitive that a node plays.
   [[nodiscard]] const Problem& ProblemAt(int node) const;
@@ -37,6 +38,8 @@ class SimulatedMotion {
   [[nodiscard]] SimulatedMotion Alone(int node) const;
 
  private:
+  void CheckPurpose(std::size_t primitive, const Problem& problem) const;
+
   SequenceFile file_;
   TaskSpaces takes_;
   mutable std::vector<std::shared_ptr<const Problem>> problems_;  // by primitive; null: not yet
@@ -46,5 +49,10 @@ class SimulatedMotion {
 /// @throws FileError when primitives were made for other [motor] or [passive] than the first, or as
 /// ProblemOf does.
 void RequireOneRobot(const SimulatedMotion& motion);
+
+/// Checks that all primitives were made for the same ground, because a sequence is played on one.
+/// @throws FileError naming the first primitive whose task has another contact law or other
+/// obstacles than the first.
+void RequireSameGround(const SimulatedMotion& motion);
 
 }  // namespace tumbler

@@ -25,6 +25,7 @@
 #include "offline/problem/task_parts.h"
 #include "offline/problem/task_toml.h"
 #include "offline/problem/tied_toml.h"
+#include "offline/scene/buried_shape.h"
 #include "offline/scene/quaternion.h"
 #include "offline/scene/scene_dynamics.h"
 
@@ -463,23 +464,16 @@ class Reader {
 
   /// Checks that no shape starts deeper in an obstacle than the compliant layer is thick.
   void CheckNotBuried(TomlTable& start, const SpacePose& pose, bool placed) {
-    SpaceDynamics robot(scene_);
     RootChart<Spatial> chart;
     chart.axes = pose.orientation;
-    robot.Use(chart);
-    std::copy(pose.q.begin(), pose.q.end(), robot.q.begin());
-    robot.Touch();
-    const double layer = scene_.contact.d_on_m;
-    for (const ActiveContact<Spatial>& active : robot.contact->active()) {
-      if (active.depth_m < layer) continue;
-      start.Fail(placed ? "z_m" : "",
-                 fmt::format("puts collision shape {} {} m inside '{}'; allowed: where none is "
-                             "inside an obstacle{}",
-                             scene_.robot.shapes[static_cast<std::size_t>(active.shape)].name,
-                             MessageNumber(active.depth_m - layer), TouchedName(scene_, active),
-                             placed ? "; without z_m the robot is put on the ground"
-                                    : "; give contact.stiffness_n_per_m a larger value"));
-    }
+    const std::optional<BuriedShape> buried = FindBuried<Spatial>(scene_, pose.q, chart);
+    if (!buried) return;
+    start.Fail(placed ? "z_m" : "",
+               fmt::format("puts collision shape {} {} m inside '{}'; allowed: where none is "
+                           "inside an obstacle{}",
+                           buried->shape, MessageNumber(buried->by_m), buried->obstacle,
+                           placed ? "; without z_m the robot is put on the ground"
+                                  : "; give contact.stiffness_n_per_m a larger value"));
   }
 
   TomlTable root_;

@@ -11,6 +11,7 @@
 #include "offline/problem/bounds_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/buried_shape.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
 
@@ -185,21 +186,13 @@ class StartReader {
   ///                           help.
   void CheckNotBuried(TomlTable& start, const char* key, const std::string& said,
                       const char* remedy) {
-    SceneDynamics robot(scene_);
-    std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
-    robot.Touch();
-    const ActiveContact<Plane>* deepest = nullptr;
-    for (const ActiveContact<Plane>& active : robot.contact->active()) {
-      if (deepest == nullptr || active.depth_m > deepest->depth_m) deepest = &active;
-    }
-    const double layer = scene_.contact.d_on_m;
-    if (deepest == nullptr || deepest->depth_m < layer) return;
-    start.Fail(key,
-               fmt::format("{}there collision shape {} is {} m inside '{}'; allowed: where none is "
-                           "inside an obstacle{}",
-                           said, scene_.robot.shapes[static_cast<std::size_t>(deepest->shape)].name,
-                           MessageNumber(deepest->depth_m - layer), TouchedName(scene_, *deepest),
-                           remedy));
+    const std::optional<BuriedShape> buried = FindBuried<Plane>(scene_, problem_.start_q);
+    if (!buried) return;
+    start.Fail(
+        key,
+        fmt::format("{}there collision shape {} is {} m inside '{}'; allowed: where none is "
+                    "inside an obstacle{}",
+                    said, buried->shape, MessageNumber(buried->by_m), buried->obstacle, remedy));
   }
 
   /// Passive joints start where the given pose has them.

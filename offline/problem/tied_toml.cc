@@ -21,6 +21,19 @@ std::size_t JointNamed(const TomlTable& table, const std::string& name, const Pr
   return static_cast<std::size_t>(found - problem.joints.begin());
 }
 
+/// Says of a joint that others are tied to that it does not move.
+void RefuseLocked(const TomlTable& table, const std::string& name, const std::string& to,
+                  const Problem& problem) {
+  problem.WithScene([&](const auto& scene) {
+    if (!std::ranges::any_of(scene.robot.locked,
+                             [&to](const LockedJoint& lock) { return lock.name == to; }))
+      return;
+    table.Fail(name, fmt::format("is tied to '{}', which is locked, so nothing moves it; leave it "
+                                 "out here, or '{}' out of `locked`",
+                                 to, to));
+  });
+}
+
 /// Checks that a joint's path can be the other's, times the factor.
 void CheckCanFollow(const TomlTable& table, const TiedJoint& tied, const Problem& problem) {
   const ActuatedJoint &joint = problem.joints[tied.joint], &to = problem.joints[tied.to];
@@ -67,6 +80,7 @@ void ReadTied(TomlTable& root, Problem& problem) {
       tied.factor = -1;
       to.erase(0, 1);
     }
+    RefuseLocked(*table, name, to, problem);
     const bool known = std::ranges::any_of(
         problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == to; });
     if (!known || to == name || table->Has(to)) {

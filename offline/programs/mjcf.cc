@@ -35,7 +35,7 @@ class Writer {
     const std::vector<double> entry = PositionsIn(first.entry, robot_);
     const double clearance = ClearanceAt(scene_, entry);
     Line(0, "<!-- {}, as tumbler export wrote it. x right, z up; angles from +x towards +z.",
-         Escaped(motion_.file().graph.name.view()));
+         MjcfText::InComment(motion_.file().graph.name.view()));
     Line(0, "     ctrl = {:.17g} position + {:.17g} velocity + feed-forward torque, of each joint.",
          gains_.kp_nm_per_rad, gains_.kd_nm_s_per_rad);
     if (std::isfinite(clearance)) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <string_view>
 
 #include "common/core/index.h"
 #include "offline/problem/space_task.h"
@@ -31,10 +32,11 @@ class SpaceWriter {
 
   std::string Text() {
     const PrimitiveFile& first = motion_.file().PrimitiveOf(motion_.file().graph.start);
-    const std::string name = MjcfText::Escaped(motion_.file().graph.name.view());
+    const std::string_view name = motion_.file().graph.name.view();
     const SpacePose entry = ToSpacePose(first.entry);
     const double clearance_m = ClearanceAt(entry);
-    text_.Line(0, "<!-- {}, as tumbler export wrote it. SI units; z up.", name);
+    text_.Line(0, "<!-- {}, as tumbler export wrote it. SI units; z up.",
+               MjcfText::InComment(name));
     text_.Line(0,
                "     ctrl = {:.17g} position + {:.17g} velocity + feed-forward torque, of each "
                "joint.",
@@ -47,7 +49,7 @@ class SpaceWriter {
                "     Contacts are MuJoCo's own but for mu. The layer's stiffness is {:.17g} N/m, "
                "its damping {:.17g} N s/m. -->",
                scene_.contact.stiffness_n_per_m, scene_.contact.damping_n_s_per_m);
-    text_.Line(0, "<mujoco model=\"{}\">", name);
+    text_.Line(0, "<mujoco model=\"{}\">", MjcfText::Escaped(name));
     text_.Line(1, "<compiler angle=\"radian\" inertiafromgeom=\"false\"/>");
     text_.Line(1, "<option timestep=\"{}\" integrator=\"implicit\" gravity=\"{}\"/>",
                MjcfText::kStep_s, Numbers(robot_.tree.gravity));

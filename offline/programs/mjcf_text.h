@@ -29,10 +29,11 @@ class MjcfText {
     text_ += '\n';
   }
 
-  /// Text of an attribute or a comment: names of files are anybody's.
-  static std::string Escaped(std::string_view text) {
+  /// Text of an attribute: names of files are anybody's.
+  static std::string Escaped(std::string_view text) { return MarkupText(text); }
+  /// Text of a comment, in which XML has no "--".
+  static std::string InComment(std::string_view text) {
     std::string out;
-    // "--" would end a comment.
     for (const char c : MarkupText(text))
       out += c == '-' && out.ends_with('-') ? " -" : std::string(1, c);
     return out;

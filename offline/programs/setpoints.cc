@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/core/index.h"
+#include "common/files/csv_field.h"
 #include "offline/certify/planned_passages.h"
 
 namespace tumbler {
@@ -20,7 +21,7 @@ class Rows {
     text_ = "time_s,node";
     for (const auto& motion : file.primitives.front().primitive.motions()) {
       for (const char* of : {"position_rad", "velocity_rad_s", "torque_nm", "ctrl"})
-        text_ += fmt::format(",{}.{}", motion.name.view(), of);
+        text_ += ',' + CsvField(fmt::format("{}.{}", motion.name.view(), of));
     }
     text_ += '\n';
   }

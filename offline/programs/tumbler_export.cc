@@ -66,6 +66,8 @@ void Export(const std::string& motion, const Outputs& outputs, const std::string
     write(outputs.header, [&] { return ToHeader(input.file, input.texts.at(motion), name); });
     if (!outputs.mjcf.empty() || !outputs.setpoints_csv.empty()) {
       const SimulatedMotion simulated(input.file, TaskSpaces::kPlaneAndSpace);
+      RequireSameGround(simulated);
+      RequireOneRobot(simulated);
       const DriveGains gains = simulated.ProblemAt(input.file.graph.start).drive_gains();
       write(outputs.mjcf, [&] { return ToMjcf(simulated, gains); });
       write(outputs.setpoints_csv, [&] { return SetpointsCsv(input.file, gains, options); });

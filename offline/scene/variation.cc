@@ -58,17 +58,36 @@ struct Drawer {
 
 }  // namespace
 
-std::vector<double> RobotVariation::StartPositions(const PlanarRobot& robot) const {
-  std::vector<double> q(Index(robot.root_dofs), 0.0);
-  for (const Joint& joint : joints) q.push_back(joint.start_rad);
+namespace {
+
+constexpr std::size_t kPitchInPlane = 2, kPitchInSpace = 3;
+
+std::vector<double> PositionsOf(const RobotVariation& variation, int root_dofs) {
+  std::vector<double> q(Index(root_dofs), 0.0);
+  for (const RobotVariation::Joint& joint : variation.joints) q.push_back(joint.start_rad);
   return q;
 }
 
-std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
-  std::vector<double> v(Index(robot.root_dofs), 0.0);
-  if (!v.empty()) v.back() = start_pitch_rate_rad_s;
-  for (const Joint& joint : joints) v.push_back(joint.start_rate_rad_s);
+std::vector<double> RatesOf(const RobotVariation& variation, int root_dofs, std::size_t pitch) {
+  std::vector<double> v(Index(root_dofs), 0.0);
+  if (!v.empty()) v[pitch] = variation.start_pitch_rate_rad_s;
+  for (const RobotVariation::Joint& joint : variation.joints) v.push_back(joint.start_rate_rad_s);
   return v;
+}
+
+}  // namespace
+
+std::vector<double> RobotVariation::StartPositions(const PlanarRobot& robot) const {
+  return PositionsOf(*this, robot.root_dofs);
+}
+std::vector<double> RobotVariation::StartPositions(const SpaceRobot& robot) const {
+  return PositionsOf(*this, robot.root_dofs);
+}
+std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
+  return RatesOf(*this, robot.root_dofs, kPitchInPlane);
+}
+std::vector<double> RobotVariation::StartRates(const SpaceRobot& robot) const {
+  return RatesOf(*this, robot.root_dofs, kPitchInSpace);
 }
 
 namespace {

@@ -68,9 +68,12 @@ struct RobotVariation {
   double start_pitch_rate_rad_s = 0;  ///< Added when the first motion begins.
 
   /// What is added to the positions and rates of all degrees of freedom (x, z and pitch of the
-  /// root, unless it is fixed, then the joints) when the first motion begins.
+  /// root, unless it is fixed, in space x, y, z, pitch, roll and yaw; then the joints) when the
+  /// first motion begins.
   [[nodiscard]] std::vector<double> StartPositions(const PlanarRobot& robot) const;
+  [[nodiscard]] std::vector<double> StartPositions(const SpaceRobot& robot) const;
   [[nodiscard]] std::vector<double> StartRates(const PlanarRobot& robot) const;
+  [[nodiscard]] std::vector<double> StartRates(const SpaceRobot& robot) const;
 
   /// A departure by itself, in standard deviations.
   struct Deviate {

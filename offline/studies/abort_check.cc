@@ -77,7 +77,7 @@ AbortCheckResult CheckAborts(const AbortStudy& study) {
     const AbortTrials& trials = of_thread[Index(thread)];
     Normal random(study.seed ^ kChecks, static_cast<std::uint64_t>(robot));
     AbortTrial trial;
-    trial.variation = AbortRobot(study, trials.shared().scene, robot);
+    trial.variation = AbortRobot(study, trials.shared(), robot);
     trial.time_s = random.DrawUniform() * primitive.duration_s;
     trial.cause = static_cast<AbortCause>(robot % kAbortCauseCount);
     trial.late_s = kAnswered_s + random.DrawUniform() * (study.late_s - kAnswered_s);

@@ -187,7 +187,7 @@ class Search {
 
   [[nodiscard]] AbortTrial TrialOf(const Work& work) const {
     AbortTrial trial = EventOf(work.part, work.robot);
-    trial.variation = AbortRobot(study_, of_thread_.front().shared().scene, work.robot);
+    trial.variation = AbortRobot(study_, of_thread_.front().shared(), work.robot);
     trial.table.span_count = 1;
     AbortSpan<double>& span = trial.table.span_storage[0];
     span = SpanOf(candidates_[work.candidate], primitive().duration_s);
@@ -305,7 +305,7 @@ double AbortCost::cost_m_s() const {
 }
 
 AbortTrials LoadAbortTrials(const AbortStudy& study) {
-  SimulatedMotion motion(LoadMotion(study.primitive));
+  SimulatedMotion motion(LoadMotion(study.primitive), TaskSpaces::kPlaneAndSpace);
   if (motion.file().graph.node_count != 1 || motion.file().graph.edge_count != 0) {
     throw Refused(study.primitive +
                   ": is a sequence; a table of aborts is in a primitive: name its primitives");
@@ -317,19 +317,28 @@ AbortTrials LoadAbortTrials(const AbortStudy& study) {
   const DrivesConfig loaded =
       LoadDrivesOf(JointsOf(motion.file()), drives, ReadTextFile, GainsOf(motion.file()));
   SharedRobot shared = ShareRobot(motion, loaded, std::move(robot));
-  if (const std::string mistake = MistakeInRanges(shared.scene.contact, study.spreads);
-      !mistake.empty() && !shared.scene.obstacles.empty()) {
-    throw Refused(fmt::format("{}: {}", study.primitive, mistake));
+  if (shared.space_scene && study.spreads.length != 0) {
+    throw Refused(fmt::format(
+        "{}: is of a robot in space, whose links do not differ in length so far: leave out "
+        "--length",
+        study.primitive));
   }
+  shared.WithScene([&study](const auto& scene) {
+    const std::string mistake = MistakeInRanges(scene.contact, study.spreads);
+    if (!mistake.empty() && !scene.obstacles.empty())
+      throw Refused(fmt::format("{}: {}", study.primitive, mistake));
+  });
   return {std::move(motion), std::move(shared)};
 }
 
-RobotVariation AbortRobot(const AbortStudy& study, const Scene& scene, int index) {
-  Spreads spreads = study.spreads;
-  if (scene.obstacles.empty())  // Robots cannot differ in a ground that is not there.
-    spreads.LeaveGround();
-  return DrawRobot(scene, spreads, index == 0 ? 0 : study.scale, study.seed,
-                   static_cast<std::uint64_t>(index));
+RobotVariation AbortRobot(const AbortStudy& study, const SharedRobot& shared, int index) {
+  return shared.WithScene([&study, index](const auto& scene) {
+    Spreads spreads = study.spreads;
+    if (scene.obstacles.empty())  // Robots cannot differ in a ground that is not there.
+      spreads.LeaveGround();
+    return DrawRobot(scene, spreads, index == 0 ? 0 : study.scale, study.seed,
+                     static_cast<std::uint64_t>(index));
+  });
 }
 
 AbortResult FindAborts(const AbortStudy& study) {

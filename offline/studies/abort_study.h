@@ -34,10 +34,10 @@ struct AbortStudy {
 };
 
 /// The trials of a study. @throws FileError, Refused, std::runtime_error  as `tumbler run sim`
-/// does, and Refused when the motion is no primitive.
+/// does, and Refused when the motion is no primitive, or robots in space cannot differ so.
 AbortTrials LoadAbortTrials(const AbortStudy& study);
 /// Robot number `index` of a study; number 0 is the model.
-RobotVariation AbortRobot(const AbortStudy& study, const Scene& scene, int index);
+RobotVariation AbortRobot(const AbortStudy& study, const SharedRobot& shared, int index);
 
 /// A way in which the motion might be aborted.
 struct AbortCandidate {

@@ -89,8 +89,10 @@ void Begin(const AbortTrial& trial, VariedRun& run) {
 
 /// The largest of the robot's speeds [m/s, rad/s].
 double SpeedOf(const TwinState& truth) {
-  double speed = std::max({std::abs(truth.root_vx_m_s), std::abs(truth.root_vz_m_s),
-                           std::abs(truth.root_pitch_rate_rad_s)});
+  double speed = std::max({std::abs(truth.root_vx_m_s), std::abs(truth.root_vy_m_s),
+                           std::abs(truth.root_vz_m_s), std::abs(truth.root_pitch_rate_rad_s)});
+  for (const double rate : truth.root_angular_velocity_rad_s)
+    speed = std::max(speed, std::abs(rate));
   for (const double rate : truth.joint_velocities_rad_s) speed = std::max(speed, std::abs(rate));
   return speed;
 }

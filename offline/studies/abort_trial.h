@@ -45,7 +45,7 @@ struct AbortOutcome {
   /// The pose in which it rests at last, of those in which the motion begins or ends; empty: it
   /// rests otherwise, or does not.
   std::string rests_as;
-  double pitch_rad = 0;                   ///< At last, of the root.
+  double pitch_rad = 0;                   ///< At last, of the root; 0 in space.
   Fault fault = Fault::kNone;             ///< That was found first; none: a plain stop.
   Reaction reaction = Reaction::kIgnore;  ///< With which it was answered.
   std::int64_t setpoints_outside_limits = 0;

@@ -17,7 +17,6 @@
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
 #include "common/files/sequence_toml.h"
-#include "offline/certify/chain.h"
 #include "offline/certify/planned_passages.h"
 #include "offline/certify/space_trial.h"
 #include "offline/problem/simulated_motion.h"

@@ -59,10 +59,16 @@ SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
                        SimulatedRobotConfig config) {
   CheckRanges(*std::make_unique<const Sequence<float>>(ToRuntime(motion.file())), drives);
   CheckSchedule(drives, [](const std::string& /*sentence*/) {});
-  Scene scene = config.scene ? *config.scene : motion.scene();
-  SharedRobot shared{std::move(drives), std::move(config), std::move(scene)};
-  if (shared.config.twin.contact)
-    shared.scene.contact = *std::exchange(shared.config.twin.contact, std::nullopt);
+  SharedRobot shared{std::move(drives), std::move(config), {}};
+  const Problem& problem = motion.problem();
+  if (problem.space) {
+    shared.space_scene =
+        shared.config.space_scene ? *shared.config.space_scene : problem.space->scene;
+  } else {
+    shared.scene = shared.config.scene ? *shared.config.scene : problem.scene;
+  }
+  if (const auto contact = std::exchange(shared.config.twin.contact, std::nullopt))
+    (shared.space_scene ? shared.space_scene->contact : shared.scene.contact) = *contact;
   shared.config.motors.resize(shared.drives.drives.size());
   for (std::size_t j = 0; j < shared.config.motors.size(); ++j) {
     if (!shared.config.motors[j].torque_max_nm)
@@ -71,12 +77,18 @@ SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
   return shared;
 }
 
-VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation& variation)
-    : start_positions_(variation.StartPositions(shared.scene.robot)),
-      start_rates_(variation.StartRates(shared.scene.robot)) {
+VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation& variation) {
+  shared.WithScene([&](const auto& scene) {
+    start_positions_ = variation.StartPositions(scene.robot);
+    start_rates_ = variation.StartRates(scene.robot);
+  });
   const SequenceFile& file = play.motion.file();
   SimulatedRobotConfig config = shared.config;
-  config.scene = Varied(shared.scene, variation);
+  if (shared.space_scene) {
+    config.space_scene = Varied(*shared.space_scene, variation);
+  } else {
+    config.scene = Varied(shared.scene, variation);
+  }
   RunParts parts{file, std::move(play.sequence), shared.drives};
   if (parts.sequence == nullptr)
     parts.sequence = std::make_unique<const Sequence<float>>(ToRuntime(file));

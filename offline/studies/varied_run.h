@@ -3,12 +3,14 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "common/core/sequence.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "offline/problem/simulated_motion.h"
+#include "offline/scene/space_scene.h"
 #include "offline/scene/variation.h"
 #include "offline/twin/simulated_robot.h"
 #include "runtime/assembly/assembly.h"
@@ -25,8 +27,17 @@ struct SharedRobot {
   DrivesConfig drives;
   SimulatedRobotConfig config;  ///< Every motor has its torque limit.
   Scene scene;                  ///< The robot that is the model, and its ground.
+  /// The same of a robot in space, where `scene` is empty.
+  std::optional<SpaceScene> space_scene = {};
+
+  /// Calls `work` with the scene, a `Scene` or a `SpaceScene`.
+  template <class Work>
+  auto WithScene(Work&& work) const {
+    return space_scene ? work(*space_scene) : work(scene);
+  }
 };
 
+/// @param motion  of a robot in the plane or in space.
 /// @param drives  one for each joint of the motion, in its order.
 /// @param config  of a twin file. Its own law of contact becomes the scene's, so that a robot's
 ///                factors are of it.

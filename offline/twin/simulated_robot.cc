@@ -71,6 +71,7 @@ PrimitivePose StartOf(const SequenceFile& motion, int begin) {
 SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesConfig& drives,
                                const SimulatedRobotConfig& config)
     : bus_(drives.bit_rate) {
+  RequireSameGround(simulated);
   RequireOneRobot(simulated);
   const SequenceFile& motion = simulated.file();
   const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;

@@ -16,6 +16,8 @@
 #include "offline/problem/obstacle_toml.h"
 #include "offline/problem/space_task.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/buried_shape.h"
+#include "offline/scene/quaternion.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/twin/twin_keys.h"
 
@@ -80,6 +82,7 @@ class TwinReader {
     if (start) space_ ? TakeStartKeysInSpace(*start) : TakeStartKeys(*start);
     root_.RejectUnknownKeys();
     if (start) space_ ? ReadStartInSpace(*start) : ReadStart(*start);
+    CheckNotBuried();
     return std::move(config_);
   }
 
@@ -293,6 +296,25 @@ class TwinReader {
       }
     }
     config_.start = pose_;
+  }
+
+  /// Checks that no shape starts in an obstacle, of the task or of this file.
+  void CheckNotBuried() const {
+    PrimitivePose pose = config_.start.value_or(StartOf(motion_));
+    pose.root_z_m += config_.twin.stand_m;
+    std::optional<BuriedShape> buried;
+    if (space_) {
+      RootChart<Spatial> chart;
+      chart.axes = ToRotation(pose.root_quaternion);
+      buried = FindBuried<Spatial>(*space_, ToSpacePose(pose).q, chart);
+    } else {
+      buried = FindBuried<Plane>(scene_, PositionsIn(pose, scene_.robot));
+    }
+    if (!buried) return;
+    root_.Fail(root_.Has("start") ? "start" : "",
+               fmt::format("collision shape {} begins {} m inside '{}'; allowed: where none is "
+                           "inside an obstacle",
+                           buried->shape, MessageNumber(buried->by_m), buried->obstacle));
   }
 
   TomlTable root_;

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "common/files/csv_field.h"
 #include "runtime/record/state_columns.h"
 
 namespace tumbler {
@@ -50,7 +51,7 @@ std::string StateCsvHeader(const std::vector<std::string>& joint_names) {
   ForEachTickColumn(state_t{}, append);
   for (const std::string& joint : joint_names) {
     ForEachJointColumn([&](const JointField& field, auto /*in_message*/) {
-      header += fmt::format("{}_{},", joint, field.column);
+      header += CsvField(fmt::format("{}_{}", joint, field.column)) + ',';
     });
   }
   ForEachSensorColumn(state_t{}, append);

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "common/files/csv_field.h"
+
 namespace tumbler {
 
 std::string TruthCsvHeader(const std::vector<std::string>& joint_names, TruthKind kind) {
@@ -12,7 +14,8 @@ std::string TruthCsvHeader(const std::vector<std::string>& joint_names, TruthKin
     header += fmt::format("{},", name);
   });
   for (const std::string& joint : joint_names) {
-    header += fmt::format("{0}_position_rad,{0}_velocity_rad_s,{0}_torque_nm,", joint);
+    for (const char* of : {"position_rad", "velocity_rad_s", "torque_nm"})
+      header += CsvField(fmt::format("{}_{}", joint, of)) + ',';
   }
   header.pop_back();
   return header;

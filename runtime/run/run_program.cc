@@ -96,6 +96,22 @@ void TellDamping(const RunOptions& options, const Simulation& simulation, const 
   }
 }
 
+/// Says which of a file's drives the motion has no joint for: nothing enables them, and what they
+/// hold is limp.
+void TellUnusedDrives(const RunOptions& options, const std::vector<std::string>& joints,
+                      const FileReader& read) {
+  if (options.drives.empty()) return;
+  std::vector<std::string> unused;
+  const DrivesConfig given =
+      ParseDrives(read(options.drives), options.drives, DrivesUse::kRun, read);
+  for (const DriveEntry& drive : given.drives) {
+    if (std::ranges::find(joints, drive.joint) == joints.end()) unused.push_back(drive.joint);
+  }
+  if (unused.empty()) return;
+  fmt::print(stderr, "{}: note: the motion has no joint for the drives of {}, which stay off\n",
+             options.drives, fmt::join(unused, ", "));
+}
+
 /// Loads motion and drives, and checks whether they fit each other and the options.
 /// @param options  gets the drives file that a twin file names.
 RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read,
@@ -119,6 +135,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   } catch (const std::runtime_error& error) {
     throw Refused(fmt::format("{} of {}", error.what(), options.motion));
   }
+  TellUnusedDrives(options, JointsOf(parts.file), read_drives);
   CheckRanges(*parts.sequence, parts.drives);
   CompareGains(parts.file, parts.drives, [&options](const std::string& text) {
     fmt::print(stderr, "{}: note: {}\n", options.drives, text);

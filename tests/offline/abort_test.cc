@@ -199,7 +199,7 @@ TEST(AbortTrials, EveryCauseLeadsToItsFaultAndTheWayOfTheTable) {
       {AbortCause::kRepeatedReplies, Fault::kWrongSequence}};
   for (const auto& [cause, fault] : causes) {
     AbortTrial trial;
-    trial.variation = AbortRobot(study, trials.shared().scene, 0);
+    trial.variation = AbortRobot(study, trials.shared(), 0);
     trial.time_s = 0.5;
     trial.late_s = 0.01;
     trial.cause = cause;
@@ -221,7 +221,7 @@ TEST(AbortTrials, EveryCauseLeadsToItsFaultAndTheWayOfTheTable) {
 TEST(AbortTrials, AFoldBringsTheJointsIntoItsPose) {
   const AbortTrials trials = TrialsOf("handstand");
   AbortTrial trial;
-  trial.variation = AbortRobot({}, trials.shared().scene, 0);
+  trial.variation = AbortRobot({}, trials.shared(), 0);
   trial.time_s = 0.05;
   trial.table = OneWayTable(trials.primitive(), AbortWay::kFold);
   std::vector<double> joints;
@@ -294,7 +294,7 @@ TEST_P(AbortsOnTheWire, HurtRobotsLessWithTheTableAndSendNothingBeyondALimit) {
     for (int i = 0; i < kAborts; ++i) {
       Normal random(77, static_cast<std::uint64_t>(i));
       AbortTrial trial;
-      trial.variation = AbortRobot(study, trials.shared().scene, i);
+      trial.variation = AbortRobot(study, trials.shared(), i);
       trial.time_s = random.DrawUniform() * trials.primitive().duration_s;
       trial.late_s = 0.005 + 0.015 * random.DrawUniform();
       trial.cause = static_cast<AbortCause>(i % kAbortCauseCount);
@@ -326,7 +326,7 @@ TEST_P(AbortsOnTheWire, AMotionWhoseDrivesHaveLostTheirHeartbeatsIsRolledOut) {
   if (heartbeats.empty()) GTEST_SKIP() << "these drives have none";
   const AbortTrials trials(SimulatedMotion(LoadMotion(Shipped("handstand"))), shared);
   AbortTrial trial;
-  trial.variation = AbortRobot({}, shared.scene, 1);
+  trial.variation = AbortRobot({}, shared, 1);
   trial.time_s = 0.3;
   trial.cause = AbortCause::kSilence;
   trial.silent_s = 10;

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 
 #include "common/files/json.h"
@@ -302,6 +303,36 @@ TEST(SimulateChain, PrimitivesOfDifferentGroundsAreRefused) {
   } catch (const FileError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("primitives.back: was made for other [contact]"),
                                     HasSubstr("than 'there'")));
+  }
+}
+
+TEST(SimulateChain, NorDoesASimulatedRobotOrAnExportTakeThem) {
+  auto files = ThereAndBack();
+  Soften(files[1]);
+  const SequenceFolder folder(Sway(), files);
+  const std::string model = (folder.path() / "model.xml").string();
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"tumbler", "run", "sim", folder.file().string(), "--cycles", "1"},
+           {"tumbler", "export", folder.file().string(), "--mjcf", model}}) {
+    const testing::Outcome outcome = testing::RunProgram(command);
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr("primitives.back: was made for other [contact]"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(model));
+}
+
+TEST(SimulateChain, APurposeOfALinkThatTheRobotHasNotIsRefused) {
+  auto files = ThereAndBack();
+  PurposeFigure& figure = files[1].purpose.emplace_back();
+  figure.of = PurposeTarget::Of::kPointX;
+  figure.link = "tail";
+  figure.tolerance = 1;
+  try {
+    SimulateChain(SimulatedMotion(Load(Sway(), files)), Cycles(1));
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("of 'back'"), HasSubstr("cannot be judged"),
+                                    HasSubstr("no link of the robot")));
   }
 }
 

@@ -540,6 +540,8 @@ TEST_F(ReportProgram, NamesFileAndReasonAndWritesNothing) {
   ExpectRefused(record + " --truth " + record, "is no LCM log");
   ExpectRefused(std::string(kHandstand) + " --truth " + Recorded().truth,
                 "--truth is given 1 times, for 0 records");
+  ExpectRefused(Recorded().weak + " --truth " + Recorded().truth,
+                Recorded().truth + ": is of another run than " + Recorded().weak);
   ExpectRefused(record + " --ticks 3", "--ticks");
   ExpectRefused(record + " --from-s 2 --to-s 1", "--from-s: is 2, must be before --to-s, 1");
   ExpectRefused(record + " --from-s 500", record + ": has 0 ticks from 500 s");

@@ -193,6 +193,32 @@ TEST(OtherSimulators, AccelerateTheRobotInTheAirAsOurDynamicsDo) {
   }
 }
 
+TEST(OtherSimulators, ReadNamesWithTwoHyphensAsTheyAre) {
+  SequenceFile file = LoadMotion(testing::SourcePath("primitives/nominal/handstand.toml"));
+  file.graph.name = FixedString<48>("hand--stand-");
+  PrimitiveFile& primitive = file.primitives.front();
+  for (std::string* text : {&primitive.provenance.robot_urdf, &primitive.provenance.task_toml}) {
+    for (std::size_t at = text->find("leg1"); at != std::string::npos; at = text->find("leg1", at))
+      text->replace(at, 4, "leg--1");
+  }
+  for (JointMotion<double>& motion : std::span(primitive.primitive.joints).first(2)) {
+    if (motion.name.view() == "leg1") motion.name = FixedString<32>("leg--1");
+  }
+  const SimulatedMotion motion(file);
+  const std::string text = ToMjcf(motion, motion.problem().drive_gains());
+  const std::size_t comment = text.find("<!--") + 4;
+  EXPECT_EQ(text.find("--", comment), text.find("-->", comment)) << "XML has no -- in a comment";
+  const testing::TemporaryFolder folder;
+  const std::string path = (folder.path() / "model.xml").string();
+  testing::WriteFile(path, text);
+  std::array<char, 1000> error{};
+  const std::unique_ptr<mjModel, ModelDeleter> model(
+      mj_loadXML(path.c_str(), nullptr, error.data(), error.size()));
+  ASSERT_NE(model, nullptr) << error.data();
+  EXPECT_EQ(std::string(model->names), "hand--stand-");
+  EXPECT_GE(mj_name2id(model.get(), mjOBJ_JOINT, "leg--1"), 0) << "as setpoints name it";
+}
+
 TEST(OtherSimulators, BeginWithTheFeetOnTheGround) {
   const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/handstand.toml")));
   const PrimitivePose& entry = motion.file().PrimitiveOf(0).entry;

@@ -385,6 +385,13 @@ TEST(TiedJoints, MoveAsTheOthersDoAndTheSearchLooksForTheseAlone) {
   }
 }
 
+TEST(TiedJoints, OfOneThatIsLockedItIsSaidThatNothingMovesIt) {
+  std::string text = testing::Replaced(TiedTask(), "[start]", "[locked]\nFL_KFE = -1.6\n[start]");
+  text = testing::Replaced(text, "FL_KFE = -1.6, FR_HFE", "FR_HFE");
+  text = testing::Replaced(text, "FL_KFE = -1.9, FR_HFE", "FR_HFE");
+  EXPECT_THAT(MistakeIn(text), HasSubstr("tied.HL_KFE: is tied to 'FL_KFE', which is locked"));
+}
+
 TEST(TiedJoints, HaveSlopesThatAreThoseOfWhatTheyFollow) {
   const Problem problem = Tied().problem;
   const FreePaths paths(problem);

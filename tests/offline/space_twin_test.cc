@@ -420,6 +420,28 @@ TEST_F(SoloWalks, OnAndOnInASequence) {
                                       "the plane so far"));
 }
 
+TEST_F(SoloWalks, ATwinThatBeginsInsideAnObstacleIsRefused) {
+  const std::string box =
+      "[[obstacle]]\nname = \"crate\"\nkind = \"box\"\ncentre_m = [0.0, 0.0, 0.2]\n"
+      "size_m = [0.3, 0.3, 0.3]\n";
+  const Outcome run = Run(walk_, {"--twin", Write("crate.toml", std::string(kTwinHead) + box)});
+  EXPECT_EQ(run.exit_code, 1) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("inside 'crate'"));
+}
+
+TEST_F(SoloWalks, DrivesThatTheMotionHasNoJointForAreNamed) {
+  const std::string drives = ReadFile(SourcePath("primitives/solo8/drives.toml"));
+  const std::size_t first = drives.find("[[drive]]"), second = drives.find("[[drive]]", first + 1);
+  std::string tail = Replaced(drives.substr(first, second - first), "FL_HFE", "tail");
+  tail = Replaced(tail, "command_id = 1\n", "command_id = 100\n");
+  tail = Replaced(tail, "reply_id = 17\n", "reply_id = 101\n");
+  const testing::Outcome run = testing::RunProgram(
+      {"tumbler run", "sim", walk_, "--drives", Write("drives.toml", drives + "\n" + tail)});
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text,
+              HasSubstr("the motion has no joint for the drives of tail, which stay off"));
+}
+
 TEST(Solo12, GetsUpFromItsBackTurnsAndWalksInOneSequence) {
   const std::string sequence = SourcePath("primitives/solo12/get_up_turn_walk.toml");
   const testing::Outcome fits = testing::RunProgram({"tumbler", "chain", "check", sequence});

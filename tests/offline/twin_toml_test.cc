@@ -201,6 +201,25 @@ TEST(TwinToml, AStartThatComesToNoRestIsNamedWithItsLine) {
               AllOf(StartsWith("twin.toml:3: start: "), HasSubstr("'lid'"), HasSubstr("give z_m")));
 }
 
+TEST(TwinToml, ARobotThatBeginsInsideAnObstacleIsRefusedByNameAndDepth) {
+  const auto refusal = [](const std::string& rest) -> std::string {
+    try {
+      Parse(rest);
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_THAT(
+      refusal("[start]\nz_m = 0.05\n"),
+      AllOf(StartsWith("twin.toml:3: start: collision shape "), HasSubstr("inside 'ground'")));
+  EXPECT_THAT(refusal("[[obstacle]]\nname = \"wall\"\npoint_m = [-0.1, 0.0]\n"
+                      "normal = [-1.0, 0.0]\n"),
+              HasSubstr("inside 'wall'"));
+  EXPECT_EQ(refusal("[start]\nz_m = 2.0\n"), "accepted");
+  EXPECT_EQ(refusal("[start]\nstand_m = 0.3\n"), "accepted");
+}
+
 TEST(TwinToml, TheTablesOfTheDocumentAreThoseOfTheCode) {
   testing::ExpectTables("docs/formats.md", TwinKeyTables());
   testing::ExpectTables("docs/space.md", SpaceTwinKeyTables());

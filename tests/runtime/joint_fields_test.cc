@@ -16,6 +16,7 @@
 #include "runtime/record/live_view.h"
 #include "runtime/record/messages.h"
 #include "runtime/record/state_csv.h"
+#include "runtime/record/truth_csv.h"
 #include "tests/support/docs_tables.h"
 
 namespace tumbler {
@@ -94,6 +95,27 @@ TEST(JointFields, AMessageHoldsEachOfThemUnchanged) {
   EXPECT_EQ(tick.message.joints[0].planned_velocity_rad_s, 2.0F);
   EXPECT_EQ(tick.message.joints[0].measured_torque_nm, 13.0F);
   EXPECT_EQ(tick.message.joints[0].drive_error, 0xffffffffLL);
+}
+
+/// How many fields a line of CSV has, by its commas outside quotes.
+std::size_t FieldsOf(const std::string& line) {
+  std::size_t fields = 1;
+  bool quoted = false;
+  for (const char c : line) {
+    if (c == '"') quoted = !quoted;
+    if (c == ',' && !quoted) ++fields;
+  }
+  return fields;
+}
+
+TEST(JointFields, ANameWithACommaIsOneFieldOfTheTable) {
+  EXPECT_EQ(FieldsOf(StateCsvHeader({"leg, left"})), FieldsOf(StateCsvHeader({"leg"})));
+  EXPECT_NE(StateCsvHeader({"a \"b\", c"}).find(",\"a \"\"b\"\", c_planned_position_rad\","),
+            std::string::npos);
+  for (const TruthKind kind : {TruthKind::kInPlane, TruthKind::kInSpace}) {
+    EXPECT_EQ(FieldsOf(TruthCsvHeader({"leg, left"}, kind)),
+              FieldsOf(TruthCsvHeader({"leg"}, kind)));
+  }
 }
 
 TEST(JointFields, AColumnOfTheTableStaysWhereReadersOfItExpectIt) {
