@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <numeric>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "common/core/index.h"

@@ -43,25 +43,22 @@ class LaneContact {
 
   /// The force of friction under a normal force, along the slip [m/s].
   [[nodiscard]] S Friction(const S& N, const S& slip) const {
-    return Limit(N) * FrictionShare(slip * per_v_max_);
+    return mu_ * Size(N) * FrictionShare(slip * per_v_max_);
   }
-  /// The same as a vector is against the slip's, and so much for a unit of it [N s/m].
-  /// @param square  of the slip [m^2/s^2].
-  [[nodiscard]] S FrictionPerSpeed(const S& N, const S& square) const {
-    const S part = square * (per_v_max_ * per_v_max_);
-    const auto full = S(1) < part;
-    const S per_slip =
-        Select(full, S(1) / Sqrt(Select(full, part, S(1))), tumbler::FrictionPerSlip(part));
-    return Limit(N) * per_slip * per_v_max_;
+  /// The same as a vector is against the slip's: mu Size(N) SlipGain(s2) for a unit of it.
+  [[nodiscard]] const S& mu() const { return mu_; }
+  [[nodiscard]] S Size(const S& N) const {
+    return damping_law() != ContactDamping::kNoPull ? Max(N, -N) : N;
+  }
+  /// gamma of a slip over the slip [s/m], from its square [m^2/s^2].
+  [[nodiscard]] S SlipGain(const S& s2) const {
+    const S square = s2 * (per_v_max_ * per_v_max_);
+    const auto full = S(1) < square;
+    return per_v_max_ *
+           Select(full, S(1) / Sqrt(Select(full, square, S(1))), FrictionPerSlip(square));
   }
 
  private:
-  /// The force of friction that is full.
-  [[nodiscard]] S Limit(const S& N) const {
-    const bool pulls = damping_law() != ContactDamping::kNoPull;
-    return mu_ * (pulls ? Max(N, -N) : N);
-  }
-
   ContactSmoothing smoothing_;
   ContactDamping damping_law_;
   S k_, c_, mu_, d_on_, per_d_on_, per_width_, per_bend_, per_v_max_;

@@ -38,8 +38,8 @@ class LaneDynamics {
   using Numbers = std::array<S, LaneModel::kMaxDofs>;
   /// x, z and pitch of the root.
   static constexpr std::size_t kRootDofs = 3;
-  /// Whether plans add up the work of motors.
-  static constexpr bool kHasWork = false;
+  /// Whether plans add up the work of motors and the slip under load.
+  static constexpr bool kHasWorkAndSlip = false;
 
   /// @param lanes  of the robots, as many as S has.
   LaneDynamics(const LaneModel& model, const LaneRobot<P>& robot,

@@ -32,6 +32,7 @@ class LanePlanRun {
         state_(dynamics_.Taken(start)),
         effort_(S(0)),
         work_(S(0)),
+        slip_(S(0)),
         largest_(S(0)) {}
 
   void Run() {
@@ -59,7 +60,10 @@ class LanePlanRun {
     }
     Look(plan_.steps.size(), look);
     lanes_.Put(effort_, record_.effort);
-    if constexpr (Dynamics::kHasWork) lanes_.Put(work_, record_.work);
+    if constexpr (Dynamics::kHasWorkAndSlip) {
+      lanes_.Put(work_, record_.work);
+      lanes_.Put(slip_, record_.loaded_slip);
+    }
     lanes_.Put(largest_, record_.largest);
   }
 
@@ -121,11 +125,12 @@ class LanePlanRun {
     S sum(0);
     for (std::size_t j = 0; j < model_.joints; ++j) sum += tau_[j + kRoot] * tau_[j + kRoot];
     effort_ += S(weight) * sum;
-    if constexpr (Dynamics::kHasWork) {
+    if constexpr (Dynamics::kHasWorkAndSlip) {
       S power(0);
       for (std::size_t j = 0; j < model_.joints; ++j)
         power += tau_[j + kRoot] * state_.v[j + kRoot];
       work_ += S(weight) * power;
+      slip_ += S(weight) * dynamics_.loaded_slip();
     }
   }
 
@@ -192,7 +197,7 @@ class LanePlanRun {
   typename Dynamics::State state_;
   std::array<S, LaneModel::kMaxJoints> acceleration_;
   typename Dynamics::Numbers tau_{}, qdd_{};
-  S effort_, work_, largest_;
+  S effort_, work_, slip_, largest_;
 };
 
 /// Adapts LanePlanKernel::run.

@@ -52,6 +52,7 @@ struct LanePlanRecord {
   std::span<State> at_look;  ///< At each of LanePlan::looks.
   S effort{};                ///< The integral of the sum of the squares of torques.
   S work{};                  ///< In space, that of the power that motors give [J].
+  S loaded_slip{};           ///< In space, that of ContactForces::LoadedSlip [N m].
   S largest{};               ///< Of all positions and rates of the root, their size.
 };
 

@@ -154,7 +154,7 @@ class SpaceLaneDynamics {
   using StoredState = SpaceLaneState<P>;
   using Numbers = std::array<S, SpaceLaneModel::kMaxDofs>;
   static constexpr std::size_t kRootDofs = SpaceLaneModel::kRootDofs;
-  static constexpr bool kHasWork = true;
+  static constexpr bool kHasWorkAndSlip = true;
 
   /// @param lanes  of the robots, as many as S has.
   SpaceLaneDynamics(const SpaceLaneModel& model, const SpaceLaneRobot<P>& robot,
@@ -290,6 +290,8 @@ class SpaceLaneDynamics {
 
   /// The deepest contact in the last call, in thicknesses of the compliant layer.
   [[nodiscard]] const S& depth() const { return depth_; }
+  /// ContactForces::LoadedSlip in the last call [N m/s].
+  [[nodiscard]] const S& loaded_slip() const { return loaded_slip_; }
 
  private:
   using Triple = LaneTriple<S>;
@@ -396,7 +398,7 @@ class SpaceLaneDynamics {
   template <class Acceleration>
   void Move(const State& state, const Chart& chart, Bodies& bodies,
             const Acceleration& acceleration) {
-    depth_ = S(0);
+    depth_ = loaded_slip_ = S(0);
     Body& root = bodies[0];
     root.R = chart.R;
     root.p = {S(0), S(0), S(0)};
@@ -466,7 +468,10 @@ class SpaceLaneDynamics {
       // Where a lane is not near, the force is zero: so is its smoothing.
       const S N = NormalForceAt(law_, x, v_d);
       const Triple v_t = v - v_d * u;
-      const Triple F = N * u - law_.FrictionPerSpeed(N, v_t.Dot(v_t)) * v_t;
+      const S s2 = v_t.Dot(v_t);
+      const S share = law_.Size(N) * law_.SlipGain(s2);
+      const Triple F = N * u - law_.mu() * share * v_t;
+      loaded_slip_ += share * s2;
       b.f -= F;
       b.n -= c.Cross(F);
       depth_ = Max(depth_, x * law_.per_d_on());
@@ -477,7 +482,7 @@ class SpaceLaneDynamics {
   const SpaceLaneRobot<P>& r_;
   LanesFrom<S> lanes_;
   LaneContact<S> law_;
-  S depth_;
+  S depth_, loaded_slip_;
 };
 
 }  // namespace TUMBLER_LANES_NAMESPACE

@@ -45,6 +45,15 @@ double WeightOf(CostTerm::Kind kind, const Problem& problem) {
   return weight;
 }
 
+/// Of the slip under load itself.
+double SlipWeightOf(const Problem& problem) {
+  double weight = 0;
+  for (const CostTerm& term : problem.cost) {
+    if (term.kind == CostTerm::Kind::kSlip) weight += term.weight / term.robot_weight_n;
+  }
+  return weight;
+}
+
 /// Robots in lanes, in the plane or in space.
 template <class Space>
 struct LanesOf {
@@ -91,8 +100,9 @@ void SetStart(const Problem& problem, std::size_t lane, SpaceLanes& lanes) {
 std::optional<std::string> LaneRollout::WhyNot(const Problem& problem) {
   if (problem.free_duration) return "the duration is free";
   for (const CostTerm& term : problem.cost) {
-    const bool has_work = problem.space && term.kind == CostTerm::Kind::kWork;
-    if (term.when == CostTerm::When::kThroughout && term.of_state() && !has_work)
+    const bool has =
+        problem.space && (term.kind == CostTerm::Kind::kWork || term.kind == CostTerm::Kind::kSlip);
+    if (term.when == CostTerm::When::kThroughout && term.of_state() && !has)
       return "a cost looks at the state throughout the motion";
   }
   try {
@@ -113,7 +123,8 @@ struct LaneRollout::Implementation {
         clearance(p, p.solver.step_s),
         kernel(fixed != nullptr ? *fixed : *PacketPlanKernels().front()),
         effort_weight(WeightOf(CostTerm::Kind::kEffort, p)),
-        work_weight(WeightOf(CostTerm::Kind::kWork, p)) {
+        work_weight(WeightOf(CostTerm::Kind::kWork, p)),
+        slip_weight(SlipWeightOf(p)) {
     const bool longer = scheme == LanePlan::Scheme::kFifthOrder;
     const Tableau& tableau = longer ? kDormandPrince : kClassical;
     const Timetable table(tableau, grid, p.duration_s, p.instants());
@@ -197,7 +208,8 @@ struct LaneRollout::Implementation {
   template <class Lanes, class Kernel>
   std::vector<RolloutResult> RunIn(Lanes& lanes, Kernel run, std::span<const std::vector<double>> x,
                                    bool with_clearance) {
-    LanePlanRecord<Packet, decltype(lanes.start)> record{torque, depth, lanes.at_look, {}, {}, {}};
+    LanePlanRecord<Packet, decltype(lanes.start)> record{torque, depth, lanes.at_look, {}, {},
+                                                         {},     {}};
     run(lanes.model, lanes.robot, plan, points, lanes.start, record);
     std::vector<RolloutResult> results;
     for (std::size_t lane = 0; lane < x.size(); ++lane) {
@@ -213,7 +225,8 @@ struct LaneRollout::Implementation {
     const Problem& problem = motions[lane].problem();
     RolloutResult result = outputs.Begin();
     squares[lane] = effort_weight * record.effort.lane(lane);
-    result.cost = squares[lane] + work_weight * record.work.lane(lane);
+    result.cost = squares[lane] + work_weight * record.work.lane(lane) +
+                  slip_weight * record.loaded_slip.lane(lane);
     std::vector<double> q(problem.start_q.size()), qd(q.size());
     bool plausible = record.largest.lane(lane) < kImplausibleState;
     for (std::size_t i = 0; i < plan.looks.size(); ++i) {
@@ -336,7 +349,7 @@ struct LaneRollout::Implementation {
   MotionOutputs outputs;
   ClearanceConstraint clearance;
   const LanePlanKernel<Packet>& kernel;
-  double effort_weight, work_weight;
+  double effort_weight, work_weight, slip_weight;
   LanePlan plan;
   std::optional<LookPoints> look_points;              // of schemes with stages
   std::vector<std::vector<LanePathWeights>> weights;  // by joint; empty where another's serve

@@ -30,8 +30,8 @@ namespace tumbler {
 class LaneRollout {
  public:
   /// Why lanes do not cover a problem, e.g. "the duration is free"; none where they do. They have
-  /// everything that MakeLaneScene has; no cost of a state throughout the motion but the motors'
-  /// work in space, and no duration that is free.
+  /// everything that MakeLaneScene has; no cost of a state throughout the motion but, in space, the
+  /// motors' work and the slip under load, and no duration that is free.
   static std::optional<std::string> WhyNot(const Problem& problem);
 
   /// @param kernel  null: the fastest that this processor can run.

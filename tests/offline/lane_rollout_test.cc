@@ -25,8 +25,18 @@ namespace {
 
 using Motions = std::vector<std::vector<double>>;
 
+/// In space also the slip under load counts.
 Problem ProblemOf(const std::string& task) {
-  return LoadTask(testing::SourcePath("primitives/" + task), TaskSpaces::kPlaneAndSpace).problem;
+  Problem problem =
+      LoadTask(testing::SourcePath("primitives/" + task), TaskSpaces::kPlaneAndSpace).problem;
+  if (problem.space) {
+    CostTerm& slip = problem.cost.emplace_back();
+    slip.kind = CostTerm::Kind::kSlip;
+    slip.when = CostTerm::When::kThroughout;
+    slip.weight = 2;
+    slip.robot_weight_n = 20;
+  }
+  return problem;
 }
 
 Motions RandomMotions(const Problem& problem, std::size_t count) {
@@ -174,7 +184,7 @@ INSTANTIATE_TEST_SUITE_P(InThePlane, LaneRolloutOf,
 INSTANTIATE_TEST_SUITE_P(InThePlane, LaneSensitivityOf,
                          ::testing::Values("tasks/nominal/handstand.toml",
                                            "tasks/nominal/roll.toml", "tasks/paper/roll.toml"));
-// The one rolls over from its back, and costs work.
+// The one rolls over from its back, and both cost work.
 INSTANTIATE_TEST_SUITE_P(InSpace, LaneRolloutOf,
                          ::testing::Values("solo12/tasks/nominal/get_up.toml",
                                            "solo8/tasks/walk.toml"));
