@@ -274,7 +274,7 @@ Task Parse(const std::string& task_text, const std::string& task_name,
           task_name, 0, "root",
           fmt::format("{} is of a robot in space (root = \"floating\"), which this does "
                       "not take; docs/space.md says what does: tumbler run sim, tumbler chain, "
-                      "tumbler robustness, tumbler view --out with it alone",
+                      "tumbler robustness, tumbler abort, tumbler view --out with it alone",
                       given->from));
     }
     if (takes == TaskSpaces::kPlane) {

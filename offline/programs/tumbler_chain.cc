@@ -147,6 +147,20 @@ Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
   return json;
 }
 
+void WriteChainPage(const SimulatedMotion& motion, const Arguments& arguments, std::FILE* people) {
+  if (!motion.problem().space) {
+    fmt::print(people, "report {}\n",
+               WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
+    return;
+  }
+  const SpaceMotionPage page = MakeSpaceChainPage(motion, arguments.options);
+  if (page.frames.size() < 2) {
+    fmt::print(people, "no report: it ends where it begins, and there is nothing to show\n");
+    return;
+  }
+  fmt::print(people, "report {}\n", WritePage(SpacePage(page), arguments.report));
+}
+
 ExitStatus Simulate(const Arguments& arguments) {
   std::vector<std::string> inputs;
   const SimulatedMotion motion(LoadSequence(arguments.sequence, NotingReader(inputs)),
@@ -192,13 +206,7 @@ ExitStatus Simulate(const Arguments& arguments) {
     fmt::print(people, "note: '{}' at {:.2f} s takes {:.2f} N m more than a joint's limit\n",
                file.graph.node(worst->node).name.view(), worst->start_s, -worst->torque_margin_nm);
   }
-  if (!arguments.report.empty()) {
-    fmt::print(
-        people, "report {}\n",
-        in_space
-            ? WritePage(SpacePage(MakeSpaceChainPage(motion, arguments.options)), arguments.report)
-            : WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
-  }
+  if (!arguments.report.empty()) WriteChainPage(motion, arguments, people);
   if (!arguments.json.empty()) WriteResult(arguments.json, ToJson(file, outcome).Dump(2) + '\n');
   if (!outcome.failure) return purposes.not_judged == 0 ? ExitStatus::kDone : ExitStatus::kAmiss;
   fmt::print(stderr, "failed: {} at {:.3f} s, in '{}': {}\n", ToString(outcome.failure->cause),

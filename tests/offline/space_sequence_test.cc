@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <filesystem>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -493,6 +494,18 @@ TEST_F(SequenceOnRobots, TheProgramWantsToKnowHowManyCycles) {
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, AllOf(HasSubstr("\"node\": \"up\""), HasSubstr("\"failed\": 0"),
                               HasSubstr("\"as_asked\": 2")));
+}
+
+TEST_F(SequenceOnRobots, AChainThatFailsWhereItBeginsHasNoPage) {
+  std::vector<PrimitiveFile> files = DownAndUp();
+  files[0].contacts.clear();  // So that its feet touch what they never touch in the plan.
+  const std::string path = Write(files);
+  const std::string page = path + ".html";
+  const Outcome run =
+      RunProgram({"tumbler", "chain", "simulate", path, "--cycles", "1", "--report", page});
+  EXPECT_EQ(run.exit_code, 4) << run.text;
+  EXPECT_THAT(run.text, AllOf(HasSubstr("failed: touch"), HasSubstr("no report")));
+  EXPECT_FALSE(std::filesystem::exists(page));
 }
 
 TEST_F(SequenceOnRobots, APushComesInTheHoldOfTheLastMotion) {
