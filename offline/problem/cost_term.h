@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -27,8 +26,6 @@ struct CostPoint {
   std::span<const double> torque;
   /// The axes in which the root's angles are zero, in space (RootChart). Null in the plane.
   const SpaceMatrix* axes = nullptr;
-  /// ContactForces::LoadedSlip [N m/s], where a term asks for it (CostTerm::AnySlip).
-  double loaded_slip = 0;
 };
 
 /// The derivatives of the cost in everything that a CostPoint holds.
@@ -36,7 +33,6 @@ struct CostSlopes {
   std::span<double> q;
   std::span<double> qd;
   std::span<double> torque;
-  double* loaded_slip = nullptr;  ///< Not null where there is a term of kSlip.
 };
 
 /// One term of the cost: its weight times a quantity of the motion. This header, cost_term.cc and
@@ -52,7 +48,8 @@ struct CostTerm {
     kWork,
     /// How fast contacts slide, each by its share in bearing the robot's weight [m/s]:
     /// ContactForces::LoadedSlip over the weight. The integral is how far the whole weight would
-    /// have to slide for as much heat.
+    /// have to slide for as much heat. It is nothing that a CostPoint shows: rollouts, which have
+    /// the contacts, add it themselves (SlipWeight), and only throughout a motion.
     kSlip,
   };
   /// The names of the kinds in a task, in their order.
@@ -120,9 +117,12 @@ struct CostTerm {
   }
   /// Whether the quantity depends on positions or velocities.
   [[nodiscard]] bool of_state() const { return kind != Kind::kEffort; }
-  /// Whether one of the terms needs CostPoint::loaded_slip.
-  [[nodiscard]] static bool AnySlip(std::span<const CostTerm> cost) {
-    return std::ranges::any_of(cost, [](const CostTerm& term) { return term.kind == Kind::kSlip; });
+  /// What the terms of kSlip make of ContactForces::LoadedSlip in all [1/(N m)]; 0 without one.
+  [[nodiscard]] static double SlipWeight(std::span<const CostTerm> cost) {
+    double sum = 0;
+    for (const CostTerm& term : cost)
+      if (term.kind == Kind::kSlip) sum += term.weight / term.robot_weight_n;
+    return sum;
   }
   /// Whether this is a target of the root's pitch after the motion.
   [[nodiscard]] bool targets_pitch() const {
@@ -152,8 +152,8 @@ struct CostTerm {
     return std::sqrt(weight) * OffTarget(at);
   }
 
-  /// Returns `sum`, plus `scale` times the quantity or its integrand. The weight is left to the
-  /// caller.
+  /// Returns `sum`, plus `scale` times the quantity or its integrand, but for that of kSlip. The
+  /// weight is left to the caller.
   [[nodiscard]] double Accumulate(double sum, double scale, const CostPoint& at) const {
     switch (kind) {
       case Kind::kEffort:
@@ -164,7 +164,7 @@ struct CostTerm {
           sum += scale * at.torque[j] * at.qd[joint_dofs[j]];
         return sum;
       case Kind::kSlip:
-        return sum + scale * at.loaded_slip / robot_weight_n;
+        return sum;
       case Kind::kSquare:
         return sum + scale * OffTarget(at) * OffTarget(at);
       case Kind::kLinear:
@@ -186,7 +186,6 @@ struct CostTerm {
         }
         return;
       case Kind::kSlip:
-        *slopes.loaded_slip += scale / robot_weight_n;
         return;
       case Kind::kSquare:
         AddValueSlopes(scale * 2 * OffTarget(at), at, slopes);

@@ -157,13 +157,15 @@ void Adjoint<Space>::PullBackStage(int step, int s) {
   std::array<double, kMaxJoints> by_torque{};
   typename Dynamics::Numbers by_q, by_qd;
   const bool by_state = record.integrates_state() && has_cost();
-  if (by_state) by_q.fill(0), by_qd.fill(0);
+  if (by_state) {
+    by_q.fill(0), by_qd.fill(0);
+    if (record.integrates_slip())
+      record.AddSlipSlopes(stage, forward_.slip_weight * b, by_q, by_qd);
+  }
   if (has_cost()) {
     const CostPoint there = record.At(stage);
-    double by_slip = 0;
     for (const auto& term : forward_.running)
-      term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque, &by_slip});
-    if (record.integrates_slip()) record.AddSlipSlopes(stage, by_slip, by_q, by_qd);
+      term.AddSlopes(term.weight * b, there, {by_q, by_qd, by_torque});
   }
   for (int j = 0; j < joints_; ++j) {
     r[Index(free_ + j)] = Lanes::Zero();
@@ -214,6 +216,8 @@ void Adjoint<Space>::AddStretch(std::size_t stage, double growth, double b, cons
     const CostPoint there = forward_.record.At(stage);
     for (const auto& term : forward_.running)
       sum.Add(0, term.weight * term.Accumulate(0, b, there));
+    if (forward_.record.integrates_slip())
+      sum.Add(0, forward_.slip_weight * b * forward_.record.slip(stage));
   }
   parameters_.back() += growth * sum;
 }

@@ -34,7 +34,6 @@ struct ForwardSensitivity::Implementation {
         na(motion.joints()),
         parameters(motion.parameters()),
         rows(2 * nf + 1),
-        integrates_slip(CostTerm::AnySlip(problem.cost)),
         paths(motion),
         outputs(motion, settings.scheme == StepSettings::Scheme::kAdaptive ? problem.solver.step_s
                                                                            : settings.step_s),
@@ -111,9 +110,7 @@ struct ForwardSensitivity::Implementation {
       if (LimitsTorqueBySpeed(motion.joint(j))) RecordCurve(j, moving, z, stage);
     }
     RecordPenetration(moving, z, stage);
-    CostPoint here{robot.q, robot.qd, stage.torque};
-    if (integrates_slip) here.loaded_slip = robot.contact->LoadedSlip();
-    EvaluateCost(here, moving, z, stage.torque_slope, slope);
+    EvaluateCost({robot.q, robot.qd, stage.torque}, moving, z, stage.torque_slope, slope);
     for (int i = 0; i < nf; ++i) {
       slope[Index(i)] = z[Index(nf + i)];
       slope[Index(nf + i)] = robot.qdd[Index(robot.free[Index(i)])];
@@ -143,11 +140,12 @@ struct ForwardSensitivity::Implementation {
         continue;
       }
       SceneDynamics::Numbers by_q{}, by_qd{};
-      double by_slip = 0;
-      term.AddSlopes(term.weight, here, {by_q, by_qd, by_torque, &by_slip});
-      if (by_slip != 0)
-        robot.contact->AddLoadedSlipSlopes(robot.dynamics, by_slip, {by_q.data(), robot.n},
+      term.AddSlopes(term.weight, here, {by_q, by_qd, by_torque});
+      if (const double slip_weight = CostTerm::SlipWeight({&term, 1}); slip_weight != 0) {
+        cost += slip_weight * robot.contact->LoadedSlip();
+        robot.contact->AddLoadedSlipSlopes(robot.dynamics, slip_weight, {by_q.data(), robot.n},
                                            {by_qd.data(), robot.n});
+      }
       AddByState(by_q, 0, moving, z, out);
       AddByState(by_qd, 1, moving, z, out);
     }
@@ -350,7 +348,6 @@ struct ForwardSensitivity::Implementation {
   int nf, na;      // numbers of free and of actuated degrees of freedom
   int parameters;  // how many
   int rows;        // those of y, and of S
-  bool integrates_slip;
   PathsWithSlopes paths;
   MotionOutputs outputs;
   Integrator integrator;

@@ -17,7 +17,7 @@ MotionRecord<Space>::MotionRecord(const ParametricMotion& motion, Dynamics& robo
   integrates_state_ = std::ranges::any_of(motion.problem().cost, [](const CostTerm& term) {
     return term.when == CostTerm::When::kThroughout && term.of_state();
   });
-  integrates_slip_ = CostTerm::AnySlip(motion.problem().cost);
+  integrates_slip_ = CostTerm::SlipWeight(motion.problem().cost) != 0;
 }
 
 /// A limb is what hangs on the root by one joint. Inverse dynamics knows nothing between two limbs,

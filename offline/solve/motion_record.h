@@ -39,14 +39,14 @@ class MotionRecord {
   void PrepareDerivatives();
 
   /// Stores the torques of the robot as it was just evaluated.
-  /// @returns the stage as the cost sees it, with its slip where that is asked for.
+  /// @returns the stage as the cost sees it.
   CostPoint StoreTorques(std::size_t stage) {
     double* const torques = &values_.torque[stage * joints_];
     for (std::size_t j = 0; j < joints_; ++j) torques[j] = robot_.tau[Index(order_[free_ + j])];
-    CostPoint here{robot_.q, robot_.qd, {torques, joints_}};
-    if (integrates_slip_) here.loaded_slip = slip_[stage] = robot_.contact->LoadedSlip();
-    return here;
+    return {robot_.q, robot_.qd, {torques, joints_}};
   }
+  /// Stores how fast contacts slide under load (ContactForces::LoadedSlip), and returns it.
+  double StoreSlip(std::size_t stage) { return slip_[stage] = robot_.contact->LoadedSlip(); }
   void StorePenetration(std::size_t stage, double penetration) {
     values_.penetration[stage] = penetration;
   }
@@ -66,12 +66,12 @@ class MotionRecord {
     if (!integrates_state_) return {{}, {}, torques};
     const std::size_t n = robot_.n;
     const double* const states = &states_[stage * 2 * n];
-    CostPoint there{{states, n}, {states + n, n}, torques};
-    if (integrates_slip_) there.loaded_slip = slip_[stage];
-    return there;
+    return {{states, n}, {states + n, n}, torques};
   }
   /// Whether an integral of the cost is of the slip under load.
   [[nodiscard]] bool integrates_slip() const { return integrates_slip_; }
+  /// That of a stage.
+  [[nodiscard]] double slip(std::size_t stage) const { return slip_[stage]; }
   /// Adds `scale` times the derivatives of a stage's slip by positions and velocities.
   void AddSlipSlopes(std::size_t stage, double scale, typename Dynamics::Numbers& by_q,
                      typename Dynamics::Numbers& by_qd) const {

@@ -27,9 +27,11 @@ Propagation<Space>::Propagation(const Problem& problem, double step_s,
       maxima(motion, outputs, table, paths, record.values()),
       instant_states(motion.instants().size()),
       instant_charts(motion.instants().size()),
+      slip_weight(CostTerm::SlipWeight(problem.cost)),
       clearance_gradient(Index(motion.parameters())) {
   for (const CostTerm& term : problem.cost) {
-    if (term.when == CostTerm::When::kThroughout) running.push_back({term});
+    if (term.when == CostTerm::When::kThroughout && term.kind != CostTerm::Kind::kSlip)
+      running.push_back({term});
   }
   Resize();
 }
@@ -95,6 +97,7 @@ RolloutResult Propagation<Space>::RunScheme(std::span<const double> x, ForwardPa
   RootChart<Space> chart = StartChart<Space>(motion.problem());
   robot.Use(chart);
   for (RunningTerm& term : running) term.integral = 0;
+  slip_integral = 0;
   std::size_t instant = 0;
   for (int step = 0; step < table.steps(); ++step) {
     AddInstants(step, y, chart, instant, result);
@@ -108,6 +111,7 @@ RolloutResult Propagation<Space>::RunScheme(std::span<const double> x, ForwardPa
   }
   AddInstants(table.steps(), y, chart, instant, result);
   for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
+  if (slip_weight != 0) result.cost += slip_weight * slip_integral;
   maxima.Evaluate(pass, result);
   return result;
 }
@@ -137,7 +141,9 @@ void Propagation<Space>::StepByRungeKutta(int step, bool with_record, State& y,
     Evaluate(y_s, table.PointOf(step, s));
     robot.TakeSlope(k);
     const std::size_t stage = table.StageOf(step, s);
-    AddRunning(h * kScheme.b[Index(s)], record.StoreTorques(stage));
+    const double dt = h * kScheme.b[Index(s)];
+    AddRunning(dt, record.StoreTorques(stage));
+    if (record.integrates_slip()) slip_integral += dt * record.StoreSlip(stage);
     if (s == 0) outputs.RecordPeaks(robot, result);
     record.StorePenetration(stage, outputs.Penetration(robot));
     if (!with_record) return true;
@@ -158,6 +164,7 @@ void Propagation<Space>::StepByEuler(int step, State& y, RolloutResult& result) 
     robot.TakeSlope(k);
     const std::size_t stage = table.StageOf(step, 0);
     AddRunning(h, record.StoreTorques(stage));
+    if (record.integrates_slip()) slip_integral += h * record.StoreSlip(stage);
     outputs.RecordPeaks(robot, result);
     record.StorePenetration(stage, outputs.Penetration(robot));
     return true;

@@ -94,7 +94,9 @@ struct Propagation {
   std::vector<State> instant_states;
   std::vector<RootChart<Space>> instant_charts;
   std::vector<typename RootChart<Space>::Turn> turns;  // at the end of each step, in space
-  std::vector<RunningTerm> running;
+  std::vector<RunningTerm> running;                    // all but those of slip
+  double slip_weight;                                  // of those (CostTerm::SlipWeight)
+  double slip_integral = 0;                            // of what they look at
   std::vector<double> clearance_gradient;
 
  private:

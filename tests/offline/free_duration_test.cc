@@ -48,6 +48,9 @@ Problem Dropped(bool rich) {
   if (!rich) return problem;
   CostTerm of_point = SquareTerm(CostTerm::When::kEnd, 0, true, 0.1, 0.7);
   of_point.point = PointOfLink(problem.scene.robot, "leg2_link", {-0.2, 0});
+  CostTerm slip{CostTerm::Kind::kSlip, CostTerm::When::kThroughout, 3};
+  slip.robot_weight_n = 20;
+  problem.cost.push_back(slip);
   problem.cost.push_back(At(0.2171, of_point));
   problem.cost.push_back(At(0.1, LinearTerm(CostTerm::When::kEnd, 2, true, 0.3)));
   // Speeds fall as the duration grows, and so do friction and what the torque-speed curve takes.
