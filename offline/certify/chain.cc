@@ -204,7 +204,28 @@ class Simulation {
     double turned_rad = 0;  // its pitch; in space, about the vertical since the start
   };
   [[nodiscard]] RootPlace Place() const {
-    return {RootX(), RootY(), kPlanar ? RootPitch() : turned_rad_};
+    if constexpr (kPlanar) {
+      return {RootX(), RootY(), RootPitch()};
+    } else {
+      return {RootX(), RootY(), Turned()};
+    }
+  }
+  /// About the vertical since the start, in space. The sum of small turns about it is not by how
+  /// much the heading has changed where the robot tilts meanwhile: within a motion it tells the
+  /// whole turns alone, and all where the robot turns over, so that it has no heading to compare.
+  [[nodiscard]] double Turned() const {
+    const SpaceMatrix R = chart_.axes * began_axes_.transpose();
+    constexpr double kTurnedOver = 0.5;  // of 2, while it turns about the vertical alone
+    if (portable::Length(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1)) < kTurnedOver)
+      return began_turned_rad_ + turned_rad_;
+    const double heading = TurnedAboutVertical(began_axes_, chart_.axes);
+    return began_turned_rad_ + turned_rad_ - NearestTurn(turned_rad_ - heading);
+  }
+  /// A motion begins.
+  void RestartTurn() {
+    began_turned_rad_ = Turned();
+    began_axes_ = chart_.axes;
+    turned_rad_ = 0;
   }
   [[nodiscard]] double TravelledFrom(const RootPlace& before) const {
     const double x_m = RootX() - before.x_m;
@@ -248,7 +269,8 @@ class Simulation {
       root_state_[1] = entry.root_y_m;
       root_state_[2] = entry.root_z_m;
       chart_.axes = ToRotation(entry.root_quaternion);
-      turned_rad_ = 0;
+      began_axes_ = chart_.axes;
+      began_turned_rad_ = turned_rad_ = 0;
     } else if (hinged_) {
       root_state_[0] = pitch;
       root_state_[rates] = entry.root_pitch_rad_s;
@@ -286,6 +308,7 @@ class Simulation {
   }
 
   bool Enter(PlayedNode& passage) {
+    if constexpr (!kPlanar) RestartTurn();
     const PrimitivePose& entry = WorldOf(passage.node).file.entry;
     passage.entry_z_error_m = root_ ? RootZ() - entry.root_z_m : 0.0;
     passage.entry_pitch_error_rad = AngleFrom(passage.node, entry);
@@ -603,7 +626,9 @@ class Simulation {
   std::vector<std::unique_ptr<World<Space>>> worlds_;  // by primitive
   typename Dynamics::State root_state_{};
   RootChart<Space> chart_;
-  double turned_rad_ = 0;  // in space, since the start
+  double turned_rad_ = 0;        // in space, the sum of small turns in this motion
+  double began_turned_rad_ = 0;  // and what it was turned by where that began
+  SpaceMatrix began_axes_ = SpaceMatrix::Identity();
   double time_ = 0;
   double start_s_ = 0;     // of the node
   bool planning_ = false;  // playing a primitive alone

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <type_traits>
@@ -10,6 +11,7 @@
 
 #include "common/core/index.h"
 #include "offline/certify/driven_robot.h"
+#include "offline/model/contact_intent.h"
 #include "offline/scene/lane_kernel.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/scene/space_lanes.h"
@@ -35,9 +37,10 @@ int StepsIn(double span_s, const Problem& problem, double longest_s, double part
 
 /// Steps a robot until a time, visiting every step. @returns false when its state left every
 /// plausible range.
+/// @param longest_s  of the steps.
 template <class Robot, class Visit>
-bool Play(const Problem& problem, Robot& robot, double until_s, double finer, Visit&& visit) {
-  const double longest_s = robot.LongestStep();
+bool Play(const Problem& problem, Robot& robot, double longest_s, double until_s, double finer,
+          Visit&& visit) {
   const double calm_s = problem.duration_s + ExitAfter(problem);
   const double fine_s = kPeriod_s / StepsIn(kPeriod_s, problem, longest_s, finer);
   const double coarse_s = kPeriod_s / StepsIn(kPeriod_s, problem, longest_s, 1);
@@ -280,15 +283,84 @@ bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
                        const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor) {
   DrivenRobot robot(problem, x, feed_forward, Nominal(problem.scene, problem, disturbance));
-  return Play(problem, robot, until_s, kPlayedFiner,
+  return Play(problem, robot, robot.LongestStep(), until_s, kPlayedFiner,
               [&](double time_s) { return visitor(time_s, robot.Positions()); });
 }
+
+double LightestContact(const Problem& problem, const std::vector<double>& x) {
+  constexpr double kPoses_s = 0.1;
+  const SpaceScene& scene = problem.space->scene;
+  Tree<Spatial> tree = scene.robot.tree;
+  std::vector<JointMotion<double>::Spline> paths;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    tree.dofs[Index(problem.joints[j].dof)].prescribed = false;
+    paths.push_back(PositionSpline(problem, x, j));
+  }
+  std::vector<double> q = problem.start_q;
+  const int samples = static_cast<int>(std::ceil(problem.duration_s / kPoses_s));
+  double lightest_kg = std::numeric_limits<double>::infinity();
+  for (int i = 0; i <= samples; ++i) {
+    for (std::size_t j = 0; j < paths.size(); ++j)
+      q[Index(problem.joints[j].dof)] = paths[j].Evaluate(problem.duration_s * i / samples).value;
+    lightest_kg = std::min(lightest_kg, SmallestEffectiveMass(tree, scene.robot.shapes, q));
+  }
+  return lightest_kg;
+}
+
+namespace {
+
+/// By which part of the model's a robot's masses and inertias are smaller at most: no mass that a
+/// force meets is smaller by more.
+double LeastShare(const SpaceRobot& robot, const SpaceRobot& model) {
+  double least = 1;
+  for (std::size_t i = 0; i < model.tree.dofs.size(); ++i) {
+    const Dof<Spatial>&of = robot.tree.dofs[i], &like = model.tree.dofs[i];
+    if (like.massless || like.mass_kg == 0) continue;
+    least = std::min(least, of.mass_kg / like.mass_kg);
+    if (like.inertia_kg_m2.trace() > 0)
+      least = std::min(least, of.inertia_kg_m2.trace() / like.inertia_kg_m2.trace());
+  }
+  return least;
+}
+
+}  // namespace
+
+double ContactStepInSpace(std::span<const DrivenMotion> motions,
+                          std::span<const PlayedRobot<Spatial>> played) {
+  constexpr double kOfAdvised = 2, kOfSpring = 0.35;
+  double step_s = std::numeric_limits<double>::infinity();
+  for (const DrivenMotion& motion : motions) {
+    const SpaceRobot& model = motion.problem->space->scene.robot;
+    const double lightest_kg =
+        motion.lightest_kg > 0 ? motion.lightest_kg : LightestContact(*motion.problem, *motion.x);
+    if (!std::isfinite(lightest_kg)) continue;
+    for (const PlayedRobot<Spatial>& robot : played) {
+      const double weight_n = robot.scene.robot.mass_kg() * model.tree.gravity.norm();
+      const double mass_kg = LeastShare(robot.scene.robot, model) * lightest_kg;
+      ContactLaw spring = robot.scene.contact;
+      spring.damping_n_s_per_m = spring.mu = 0;
+      step_s = std::min({step_s, kOfAdvised * AdvisableStep(robot.scene.contact, mass_kg, weight_n),
+                         kOfSpring * AdvisableStep(spring, mass_kg, weight_n)});
+    }
+  }
+  return step_s;
+}
+
+namespace {
+
+double LongestContactStep(std::span<const DrivenMotion> motions,
+                          std::span<const PlayedRobot<Spatial>> played) {
+  return std::max(ContactStepInSpace(motions, played), kShortestContactStep_s);
+}
+
+}  // namespace
 
 bool PlayThroughDrivesInSpace(
     std::span<const DrivenMotion> motions, const PlayedRobot<Spatial>& played,
     const std::function<bool(std::size_t, const DrivenSample&)>& visitor) {
   const DrivenMotion& first = motions.front();
   DrivenRobotIn<Spatial> robot(*first.problem, *first.x, first.feed_forward, played);
+  const double longest_s = std::min(robot.LongestStep(), LongestContactStep(motions, {&played, 1}));
   bool goes_on = true;
   double began_s = 0;
   for (std::size_t i = 0; i < motions.size() && goes_on; ++i) {
@@ -296,7 +368,7 @@ bool PlayThroughDrivesInSpace(
     if (i > 0) robot.Begin(*motion.problem, *motion.x, motion.feed_forward, began_s);
     began_s += motion.until_s;
     const bool plausible =
-        Play(*motion.problem, robot, motion.until_s, played.finer, [&](double time_s) {
+        Play(*motion.problem, robot, longest_s, motion.until_s, played.finer, [&](double time_s) {
           goes_on =
               visitor(i, {time_s, robot.Positions(), robot.Velocities(), &robot.chart().axes});
           return goes_on;
@@ -330,7 +402,7 @@ std::vector<bool> PlayThroughDrivesInSpace(
     }
     return plausible;
   }
-  double longest_s = first.problem->solver.step_s, finer = 1;
+  double longest_s = LongestContactStep(motions, played), finer = 1;
   for (const PlayedRobot<Spatial>& robot : played) {
     DrivenRobotIn<Spatial> alone(*first.problem, *first.x, first.feed_forward, robot);
     longest_s = std::min(longest_s, alone.LongestStep());

@@ -58,8 +58,8 @@ const char* GradientCause(const Certificate& certificate) {
 /// Prints targets and results beside each other, and warns of a limit that only the finer step
 /// shows to be exceeded.
 /// @param in_space  whether it is of a robot in space.
-/// @param robust    whether it was found for robots that differ, which is said of itself.
-void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space, bool robust) {
+/// @param played    whether what becomes of it through drives is said of itself.
+void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space, bool played) {
   fmt::print(people, "  with a step of {:.3g} ms: peak torque {:.2f} N m, penetration {:.2f} mm\n",
              1e3 * look.step_s, look.peak_torque_nm, 1e3 * look.peak_penetration_m);
   if (!look.self_clearance_of.empty()) {
@@ -83,7 +83,7 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space, b
         "that slope by {} mrad to either side, and from starts that lean by {} mrad\n",
         in_space ? kStaysInSpace_s : kStays_s, look.drives->kp_nm_per_rad,
         look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad, 1e3 * kLean_rad);
-  } else if (!robust) {
+  } else if (!played) {
     fmt::print(people,
                "  not played through drives, which give way: that is done with what is to end at "
                "rest, without a feedback in the hold\n");
@@ -112,6 +112,30 @@ void PrintDamping(std::FILE* people, const TaskResult& result) {
              "the {:.3g} ms of most drives and of a simulation: give the drives less kd, or the "
              "joints a rotor_inertia_kg_m2 if the motors have one\n",
              1e3 * damping.AdvisedPeriod(), 1e3 * kTwinStep_s);
+}
+
+/// Prints what becomes of the model through its drives in space, and warns where it is not as
+/// asked.
+void PrintThroughDrives(std::FILE* people, const TaskResult& result) {
+  if (!result.through_drives) return;
+  const DriveGains gains = result.problem().drive_gains();
+  const std::string drives =
+      fmt::format("through drives of {} N m/rad and {} N m s/rad, with setpoints every {:.3g} ms",
+                  gains.kp_nm_per_rad, gains.kd_nm_s_per_rad, 1e3 * SpaceRobustSettings{}.period_s);
+  if (result.through_drives->as_asked()) {
+    fmt::print(people, "  {} the model is as asked, too\n", drives);
+    return;
+  }
+  std::string missed;
+  for (const JudgedTarget& judged : result.through_drives->purpose) {
+    if (judged.met() != true)
+      missed +=
+          fmt::format("{}{}: {}", missed.empty() ? "" : "; ", judged.name(), judged.Verdict());
+  }
+  fmt::print(stderr,
+             "warning: {} the model itself is NOT as asked: {}; give [drives] of the task stiffer "
+             "gains, let [robust] look for a motion that holds, or try another --seed\n",
+             drives, missed);
 }
 
 /// Prints how many robots that differ a motion in space serves.
@@ -217,7 +241,8 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
   for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
     fmt::print(people, "  {} {}\n", name, value);
   PrintSecondLook(people, result.look, result.problem().space.has_value(),
-                  result.robust.has_value());
+                  result.robust.has_value() || result.through_drives.has_value());
+  PrintThroughDrives(people, result);
   PrintDamping(people, result);
   PrintSteps(people, result);
   PrintRobust(people, result);

@@ -120,8 +120,10 @@ std::vector<SpaceTrial> TryInSpace(std::span<const JudgedMotion> motions,
                                    std::span<const PlayedRobot<Spatial>> played) {
   std::vector<DrivenMotion> driven;
   for (const JudgedMotion& motion : motions) {
+    const double lightest_kg =
+        motion.lightest_kg > 0 ? motion.lightest_kg : LightestContact(*motion.problem, *motion.x);
     driven.push_back({motion.problem, motion.x, motion.feed_forward,
-                      motion.problem->duration_s + motion.hold_s});
+                      motion.problem->duration_s + motion.hold_s, lightest_kg});
   }
   const JudgedMotion& last = motions.back();
   driven.back().until_s = LastDue(last) + last.hold_s + last.problem->solver.step_s;

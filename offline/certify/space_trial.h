@@ -39,6 +39,7 @@ struct JudgedMotion {
   /// From the end of the motion until the next one begins. Of the last motion: how long the robot
   /// is watched after the last target; 0: what is to last is judged when it is due.
   double hold_s = 0;
+  double lightest_kg = 0;  ///< As DrivenMotion::lightest_kg.
 };
 
 /// When a motion's last target is due; without any, when it has settled [s].

@@ -10,8 +10,10 @@
 #include <mutex>
 #include <utility>
 
+#include "offline/certify/driven_motion.h"
 #include "offline/certify/progress.h"
 #include "offline/certify/space_robust.h"
+#include "offline/certify/space_trial.h"
 #include "offline/problem/take_free.h"
 #include "offline/solve/guess.h"
 #include "offline/solve/robust_search.h"
@@ -292,6 +294,19 @@ void MakeRobustInSpace(const SolveOptions& options, Looks& looks,
   }
 }
 
+/// Plays the file's motion on the model through its drives.
+std::optional<SpaceTrial> PlayModel(const Problem& problem, const PrimitiveFile& file) {
+  const std::vector<DueInSpace> targets = DueTargetsInSpace(problem, file.purpose);
+  if (targets.empty()) return std::nullopt;
+  std::vector<JointMotion<double>::Spline> feed_forward;
+  for (const JointMotion<double>& motion : file.primitive.motions())
+    feed_forward.push_back(motion.torque);
+  PlayedRobot<Spatial> model = NominalInSpace(problem, {});
+  model.period_s = SpaceRobustSettings{}.period_s;
+  return TryInSpace(problem, ParametersOf(file.primitive), feed_forward, targets, {&model, 1}, 0)
+      .front();
+}
+
 }  // namespace
 
 TaskResult WorkOn(Task task, const WorkSettings& settings) {
@@ -362,6 +377,8 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   } else if (wanted) {
     MakeFile(result, looks);
     result.usable = result.file.has_value();
+    if (problem.space && !problem.space->robust && result.file)
+      result.through_drives = PlayModel(problem, *result.file);
   }
   result.wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();

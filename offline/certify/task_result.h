@@ -10,6 +10,7 @@
 #include "common/files/primitive_toml.h"
 #include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
+#include "offline/certify/space_trial.h"
 #include "offline/problem/contact_steps.h"
 #include "offline/problem/damped_motion.h"
 #include "offline/problem/task_toml.h"
@@ -40,6 +41,9 @@ struct TaskResult {
   DampedMotion damping;  ///< Of the file's motion, with the task's gains.
   ContactSteps steps;    ///< That contact allows on the file's motion, with joints on their paths.
   std::optional<RobotsAsAsked> robust;
+  /// What becomes of the model itself in space, played through the task's drives with the setpoints
+  /// of SpaceRobustSettings; none of a robust motion, and where there is nothing to judge.
+  std::optional<SpaceTrial> through_drives;
   double wall_s = 0;
   double cpu_s = 0;
   double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.

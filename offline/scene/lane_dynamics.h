@@ -48,7 +48,7 @@ class LaneDynamics {
 
   /// A state of the robots, as it is stored, and back; without what drives see and exert.
   [[nodiscard]] LaneState<S> Taken(const LaneState<P>& stored) const {
-    LaneState<S> state;
+    LaneState<S> state{};
     for (std::size_t d = 0; d < m_.joints + kRootDofs; ++d) {
       state.q[d] = lanes_(stored.q[d]);
       state.v[d] = lanes_(stored.v[d]);

@@ -163,7 +163,7 @@ class SpaceLaneDynamics {
 
   /// A state of the robots, as it is stored, and back.
   [[nodiscard]] State Taken(const StoredState& stored) const {
-    State state;
+    State state{};
     for (std::size_t d = 0; d < m_.joints + kRootDofs; ++d) {
       state.q[d] = lanes_(stored.q[d]);
       state.v[d] = lanes_(stored.v[d]);

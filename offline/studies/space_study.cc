@@ -17,6 +17,7 @@
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
 #include "common/files/sequence_toml.h"
+#include "offline/certify/driven_motion.h"
 #include "offline/certify/planned_passages.h"
 #include "offline/certify/space_trial.h"
 #include "offline/problem/simulated_motion.h"
@@ -46,6 +47,7 @@ class Played {
       const PrimitiveFile& primitive = file.primitives[i];
       Source& source = sources_.emplace_back();
       source.x = ParametersOf(primitive.primitive);
+      source.lightest_kg = LightestContact(motion_.ProblemOf(i), source.x);
       for (const JointMotion<double>& joint : primitive.primitive.motions())
         source.feed_forward.push_back(joint.torque);
       source.targets =
@@ -56,7 +58,8 @@ class Played {
       const Source& source = sources_[Index(file.graph.node(passage.node).primitive)];
       played_.push_back({&motion_.ProblemAt(passage.node), &source.x, source.feed_forward,
                          source.targets,
-                         passage.edge < 0 ? study.hold_s : file.graph.edge(passage.edge).settle_s});
+                         passage.edge < 0 ? study.hold_s : file.graph.edge(passage.edge).settle_s,
+                         source.lightest_kg});
       motions_.push_back(
           {std::string(file.graph.node(passage.node).name.view()), cycle, source.targets.size()});
       cycle = passage.cycles + 1;
@@ -83,6 +86,7 @@ class Played {
     std::vector<double> x;
     std::vector<JointMotion<double>::Spline> feed_forward;
     std::vector<DueInSpace> targets;
+    double lightest_kg = 0;
   };
 
   static std::vector<DueInSpace> TargetsOf(const std::string& path, const std::string& name,
@@ -139,6 +143,25 @@ PlayedRobot<Spatial> RobotOf(const Played& motions, const SpaceStudy& study, int
   return played;
 }
 
+/// @throws std::invalid_argument  about ground on which steps would have to be shorter than is
+/// taken.
+void CheckSteps(const Played& motions, const SpaceStudy& study) {
+  std::vector<DrivenMotion> driven;
+  for (const JudgedMotion& motion : motions.played()) {
+    driven.push_back({motion.problem, motion.x, motion.feed_forward, 0, motion.lightest_kg});
+  }
+  for (int i = 0; i < study.robots; ++i) {
+    const PlayedRobot<Spatial> robot = RobotOf(motions, study, i);
+    const double step_s = ContactStepInSpace(driven, {&robot, 1});
+    if (step_s >= kShortestContactStep_s) continue;
+    const ContactLaw& law = robot.scene.contact;
+    throw std::invalid_argument(fmt::format(
+        "--friction, --stiffness, --damping: robot {} is on ground of {:.3g} N/m, {:.3g} N s/m and "
+        "mu {:.3g}, where steps of {:.2g} us are needed; allowed: 1 us or more",
+        i, law.stiffness_n_per_m, law.damping_n_s_per_m, law.mu, 1e6 * step_s));
+  }
+}
+
 }  // namespace
 }  // namespace in_space
 
@@ -160,6 +183,7 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
         "--push: nothing that {} is for is to last, so that no robot is judged after its push",
         study.motion));
   }
+  in_space::CheckSteps(motions, study);
   SpaceStudyResult result{study, motions.gains(), motions.motions(), {}, {}};
   std::vector<SpaceTrial> trials(Index(study.robots));
   std::vector<char> played(trials.size(), 0);
@@ -244,7 +268,8 @@ std::vector<SpaceStudyResult::Missed> SpaceStudyResult::MissedTargets() const {
   if (trials.empty()) return missed;
   for (std::size_t motion = 0, i = 0; motion < motions.size(); ++motion) {
     for (std::size_t k = 0; k < motions[motion].targets; ++k, ++i) {
-      Missed& target = missed.emplace_back(motion, trials.front().purpose[i].target.name(), 0);
+      Missed& target =
+          missed.emplace_back(Missed{motion, trials.front().purpose[i].target.name(), 0});
       for (const SpaceTrial& trial : trials) {
         const bool here = in_space::FirstFailed(*this, trial) == motion;
         target.robots += here && in_space::Misses(trial.purpose[i]) ? 1 : 0;

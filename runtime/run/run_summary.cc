@@ -181,10 +181,14 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
                           last.later_s, last.expected_pitch_rad, Verdict(last));
     }
   } else if (last.pitch_later_rad) {
-    text += fmt::format("root {} {:.4f} rad off its plan {:.2g} s later (within {:.3g}): {}",
-                        last.in_space ? "tilted" : "turned",
-                        *last.pitch_later_rad - last.expected_pitch_rad, last.later_s,
-                        last.tolerance_rad, Verdict(last));
+    // What it misses may be something else, which is told below.
+    const bool as_planned = last.as_planned().value_or(false);
+    text += fmt::format(
+        "root {} {:.4f} rad off its plan {:.2g} s later (within {:.3g}): {}",
+        last.in_space ? "tilted" : "turned", *last.pitch_later_rad - last.expected_pitch_rad,
+        last.later_s, last.tolerance_rad,
+        as_planned && last.purpose_met() == false ? "as planned, but what was asked for is missed"
+                                                  : Verdict(last));
   } else {
     text += "ended before it could come to rest";
   }

@@ -11,6 +11,7 @@
 
 #include "common/files/primitive_toml.h"
 #include "offline/certify/driven_motion.h"
+#include "offline/certify/space_trial.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/packet.h"
 #include "offline/scene/variation.h"
@@ -61,11 +62,14 @@ std::vector<double> NumbersOf(const DrivenSample& at) {
 
 class DrivenLanesInSpace : public ::testing::TestWithParam<const char*> {};
 
+/// So much that contact asks for no shorter steps: those of robots that differ would.
+constexpr double kHeavy_kg = 1e6;
+
 // Both take the same steps: a quarter of the solver's, in periods of a millisecond. The classical
 // method's sums and the dynamics are rounded otherwise, and contact amplifies that.
 TEST_P(DrivenLanesInSpace, DoWhatEachRobotDoesAlone) {
   const Shipped shipped(GetParam());
-  const DrivenMotion motion{&shipped.problem, &shipped.x, shipped.feed_forward, 0.25};
+  const DrivenMotion motion{&shipped.problem, &shipped.x, shipped.feed_forward, 0.25, kHeavy_kg};
   std::vector<std::vector<std::vector<double>>> seen(shipped.robots.size());
   const std::vector<bool> plausible =
       PlayThroughDrivesInSpace({&motion, 1}, shipped.robots,
@@ -97,7 +101,7 @@ INSTANTIATE_TEST_SUITE_P(Motions, DrivenLanesInSpace,
 // A second motion begins where the first has left the robot.
 TEST(DrivenLanesInSpace, PlayMotionsOneAfterTheOther) {
   const Shipped shipped("solo8/walk.toml");
-  const DrivenMotion walk{&shipped.problem, &shipped.x, shipped.feed_forward, 0.1};
+  const DrivenMotion walk{&shipped.problem, &shipped.x, shipped.feed_forward, 0.1, kHeavy_kg};
   const std::vector<DrivenMotion> twice = {walk, walk};
   std::vector<double> end(2), alone(2);
   const auto robots = std::span(shipped.robots).first(2);
@@ -112,7 +116,7 @@ TEST(DrivenLanesInSpace, PlayMotionsOneAfterTheOther) {
                                if (motion == 1) alone[i] = at.q[0];
                                return true;
                              });
-    EXPECT_NEAR(end[i], alone[i], 1e-4);
+    EXPECT_NEAR(end[i], alone[i], 1e-4);  // It sees more looks, and the last one later.
   }
   EXPECT_NE(end[0], end[1]);
 }
@@ -127,6 +131,47 @@ TEST(DrivenLanesInSpace, GoOnForThoseOfWhichTheVisitorSaysSo) {
                            });
   EXPECT_EQ(looks, (std::vector<int>{10, 20, 30, 40, 50, 50, 50, 50}));
 }
+
+// A foot that slides under torques asks for shorter steps than one that a path moves, and hard
+// ground for shorter ones than its task's.
+class StepsThroughDrives : public ::testing::TestWithParam<Spreads> {};
+
+TEST_P(StepsThroughDrives, AreShortEnoughForTheGroundAndForHowLongARobotIsHeld) {
+  const Shipped shipped("solo12/walk.toml");
+  const SpaceScene& model = shipped.problem.space->scene;
+  std::vector<PlayedRobot<Spatial>> robots;
+  for (std::uint64_t i = 0; i < Packet::kLanes; ++i) {
+    PlayedRobot<Spatial> robot{Varied(model, DrawRobot(model, GetParam(), 1, 3, i)),
+                               shipped.problem.drive_gains()};
+    robot.period_s = 3.4e-3;
+    robots.push_back(std::move(robot));
+  }
+  const auto as_asked = [&](double finer) {
+    Problem problem = shipped.problem;
+    problem.solver.step_s /= finer;
+    std::ptrdiff_t count = 0;
+    for (const SpaceTrial& trial :
+         TryInSpace(problem, shipped.x, shipped.feed_forward,
+                    DueTargetsInSpace(problem, shipped.file.purpose), robots, 3))
+      count += trial.as_asked() ? 1 : 0;
+    return count;
+  };
+  EXPECT_NEAR(static_cast<double>(as_asked(1)), static_cast<double>(as_asked(4)), 1);
+}
+
+Spreads OfGround(const GroundSpread& friction, const GroundSpread& stiffness) {
+  Spreads spreads;
+  spreads.mass = 0.05;
+  spreads.friction = friction;
+  spreads.stiffness = stiffness;
+  spreads.damping = 0;
+  return spreads;
+}
+
+INSTANTIATE_TEST_SUITE_P(Ground, StepsThroughDrives,
+                         ::testing::Values(OfGround(0.2, 0.2),
+                                           OfGround(GroundSpread::Between{3, 5}, 0.2),
+                                           OfGround(0.2, GroundSpread::Between{1e5, 1e6})));
 
 }  // namespace
 }  // namespace tumbler

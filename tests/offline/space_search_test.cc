@@ -129,6 +129,11 @@ TEST(MotionInSpace, IsAsAskedByAFinerStep) {
   EXPECT_LT(result.file->certificate.constraint_violation, 1e-6);
 }
 
+TEST(MotionInSpace, IsPlayedOnTheModelThroughItsDrives) {
+  ASSERT_TRUE(TheResult().through_drives);
+  EXPECT_TRUE(TheResult().through_drives->as_asked());
+}
+
 TEST(MotionInSpace, IsTheSameAgainWithTwoThreads) {
   ASSERT_TRUE(TheResult().file);
   const TaskResult again = WorkOn(Shift(), Quietly(2));
@@ -182,6 +187,11 @@ TEST(MotionInSpace, IsJudgedOnRobotsByItsTaskAndOnTheModelIsAsAsked) {
   study.spreads.friction = GroundSpread::Between{1e-4, 2e-4};
   const SpaceStudyResult ice = RunSpaceStudy(study);
   EXPECT_NE(ice.trials[0].purpose[0].result, model.trials[0].purpose[0].result);
+  // And one of which no step that is taken is short enough is refused.
+  study.spreads.LeaveGround();
+  study.spreads.damping = GroundSpread::Between{5e5, 1e6};
+  EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
+  study.spreads.LeaveGround();
   study.spreads.length = 0.1;
   EXPECT_THROW(RunSpaceStudy(study), std::invalid_argument);
 }

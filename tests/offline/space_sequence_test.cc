@@ -338,6 +338,33 @@ TEST(ChainInSpace, Solo12GetsUpTurnsAndWalksWhereItLooksThen) {
   EXPECT_NEAR(way.dot(x), 0.3, 0.03);
 }
 
+// It rolls and pitches on its way, so that its small turns about the vertical add up to more.
+TEST(ChainInSpace, SaysByHowMuchTheHeadingHasChanged) {
+  const TemporaryFolder folder;
+  const std::string path = (folder.path() / "walks.toml").string();
+  WriteFile(path,
+            "format = \"tumbler-sequence\"\nversion = 1\nname = \"walks\"\nstart = "
+            "\"walk\"\n[primitives]\nwalk = \"" +
+                SourcePath("primitives/solo8/walk.toml") +
+                "\"\n[[node]]\nname = \"walk\"\nprimitive = \"walk\"\nsafe = true\n"
+                "ends_cycle = true\n[[edge]]\nfrom = \"walk\"\nto = \"walk\"\n"
+                "when = \"always\"\n");
+  const SimulatedMotion motion(LoadSequence(path), TaskSpaces::kPlaneAndSpace);
+  SpaceSample first, last;
+  const ChainOutcome outcome =
+      SimulateChainInSpace(motion, Cycles(2), [&](int, const SpaceSample& sample) {
+        if (first.q.empty()) first = sample;
+        last = sample;
+      });
+  ASSERT_FALSE(outcome.failure) << outcome.failure->text;
+  const auto heading = [](const SpaceSample& at) {
+    return std::atan2(at.orientation(1, 0), at.orientation(0, 0));
+  };
+  double turned = 0;
+  for (const PlayedNode& passage : outcome.passages) turned += passage.turned_rad;
+  EXPECT_NEAR(turned, heading(last) - heading(first), 1e-3);
+}
+
 TEST(StartFromInSpace, TakesPlaceQuaternionAndHeightOfTheExit) {
   PrimitiveFile down = DownAndUp()[0];
   down.exit.root_x_m = 1.5;
