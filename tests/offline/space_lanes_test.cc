@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <ostream>
 #include <span>
 #include <string>
 #include <vector>
@@ -134,14 +135,24 @@ TEST(DrivenLanesInSpace, GoOnForThoseOfWhichTheVisitorSaysSo) {
 
 // A foot that slides under torques asks for shorter steps than one that a path moves, and hard
 // ground for shorter ones than its task's.
-class StepsThroughDrives : public ::testing::TestWithParam<Spreads> {};
+struct Ground {
+  const char* name;
+  GroundSpread friction, stiffness;
+  friend void PrintTo(const Ground& ground, std::ostream* out) { *out << ground.name; }
+};
+class StepsThroughDrives : public ::testing::TestWithParam<Ground> {};
 
 TEST_P(StepsThroughDrives, AreShortEnoughForTheGroundAndForHowLongARobotIsHeld) {
   const Shipped shipped("solo12/walk.toml");
   const SpaceScene& model = shipped.problem.space->scene;
+  Spreads spreads;
+  spreads.mass = 0.05;
+  spreads.friction = GetParam().friction;
+  spreads.stiffness = GetParam().stiffness;
+  spreads.damping = 0;
   std::vector<PlayedRobot<Spatial>> robots;
   for (std::uint64_t i = 0; i < Packet::kLanes; ++i) {
-    PlayedRobot<Spatial> robot{Varied(model, DrawRobot(model, GetParam(), 1, 3, i)),
+    PlayedRobot<Spatial> robot{Varied(model, DrawRobot(model, spreads, 1, 3, i)),
                                shipped.problem.drive_gains()};
     robot.period_s = 3.4e-3;
     robots.push_back(std::move(robot));
@@ -159,19 +170,11 @@ TEST_P(StepsThroughDrives, AreShortEnoughForTheGroundAndForHowLongARobotIsHeld) 
   EXPECT_NEAR(static_cast<double>(as_asked(1)), static_cast<double>(as_asked(4)), 1);
 }
 
-Spreads OfGround(const GroundSpread& friction, const GroundSpread& stiffness) {
-  Spreads spreads;
-  spreads.mass = 0.05;
-  spreads.friction = friction;
-  spreads.stiffness = stiffness;
-  spreads.damping = 0;
-  return spreads;
-}
-
-INSTANTIATE_TEST_SUITE_P(Ground, StepsThroughDrives,
-                         ::testing::Values(OfGround(0.2, 0.2),
-                                           OfGround(GroundSpread::Between{3, 5}, 0.2),
-                                           OfGround(0.2, GroundSpread::Between{1e5, 1e6})));
+INSTANTIATE_TEST_SUITE_P(On, StepsThroughDrives,
+                         ::testing::Values(Ground{"theTasksGround", 0.2, 0.2},
+                                           Ground{"rough", GroundSpread::Between{3, 5}, 0.2},
+                                           Ground{"hard", 0.2, GroundSpread::Between{1e5, 1e6}}),
+                         [](const auto& ground) { return ground.param.name; });
 
 }  // namespace
 }  // namespace tumbler
