@@ -187,7 +187,7 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
         "root {} {:.4f} rad off its plan {:.2g} s later (within {:.3g}): {}",
         last.in_space ? "tilted" : "turned", *last.pitch_later_rad - last.expected_pitch_rad,
         last.later_s, last.tolerance_rad,
-        as_planned && last.purpose_met() == false ? "as planned, but what was asked for is missed"
+        as_planned && last.purpose_met() == false ? fmt::format("as planned, but {}", Verdict(last))
                                                   : Verdict(last));
   } else {
     text += "ended before it could come to rest";

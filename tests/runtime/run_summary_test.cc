@@ -194,7 +194,7 @@ TEST(Passage, OfAMotionWithoutATargetOfThePitchNothingSpeaksOfPitchOrOfStanding)
   report.purpose = {{{PurposeTarget::Of::kX, PurposeTarget::When::kLater, 0.2, 0.02}, 0.009},
                     Rest(0.01)};
   const std::string text = ToText(SummaryOf(report));
-  EXPECT_THAT(text, AllOf(HasSubstr("NOT as asked"),
+  EXPECT_THAT(text, AllOf(HasSubstr("(within 0.05): as planned, but NOT as asked"),
                           HasSubstr("x, 2 s later: asked 0.2, got 0.009 m (within 0.02): MISSED"),
                           Not(HasSubstr("pitch")), Not(HasSubstr("stand"))));
   EXPECT_THAT(ToJson(SummaryOf(report)), AllOf(Not(HasSubstr("pitch")), Not(HasSubstr("stand"))));
