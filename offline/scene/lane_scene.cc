@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include "common/core/index.h"
-#include "offline/scene/joint_stop.h"
 
 namespace tumbler {
 namespace {
@@ -124,19 +123,9 @@ LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
   AddBodies(scene.robot, drive, lanes);
   AddPoints(scene, lanes);
   AddObstacles(scene, lanes);
-  lanes.model.smoothing = scene.contact.smoothing;
-  lanes.model.damping_law = scene.contact.damping_law;
-  LaneRobot<double>& robot = lanes.robot;
-  robot.gravity_x = scene.robot.tree.gravity.x();
-  robot.gravity_z = scene.robot.tree.gravity.y();
-  robot.stiffness = scene.contact.stiffness_n_per_m;
-  robot.damping = scene.contact.damping_n_s_per_m;
-  robot.mu = scene.contact.mu;
-  robot.v_max = scene.contact.v_max_m_per_s;
-  robot.d_on = scene.contact.d_on_m;
-  robot.d_off = scene.contact.d_off_m;
-  robot.stop_stiffness = kStopStiffness_nm_per_rad;
-  robot.stop_damping = kStopDamping_nm_s_per_rad;
+  SetContact(scene.contact, lanes);
+  lanes.robot.gravity_x = scene.robot.tree.gravity.x();
+  lanes.robot.gravity_z = scene.robot.tree.gravity.y();
   return lanes;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "offline/scene/joint_stop.h"
 #include "offline/scene/lane_robot.h"
 #include "offline/scene/motor.h"
 #include "offline/scene/scene.h"
@@ -27,6 +28,23 @@ struct LaneScene {
   LaneModel model;
   LaneRobot<double> robot{};
 };
+
+/// Sets a contact law, and the springs of joints' stops.
+/// @param lanes  LaneScene or SpaceLaneScene.
+template <class Lanes>
+void SetContact(const ContactLaw& law, Lanes& lanes) {
+  lanes.model.smoothing = law.smoothing;
+  lanes.model.damping_law = law.damping_law;
+  auto& robot = lanes.robot;
+  robot.stiffness = law.stiffness_n_per_m;
+  robot.damping = law.damping_n_s_per_m;
+  robot.mu = law.mu;
+  robot.v_max = law.v_max_m_per_s;
+  robot.d_on = law.d_on_m;
+  robot.d_off = law.d_off_m;
+  robot.stop_stiffness = kStopStiffness_nm_per_rad;
+  robot.stop_damping = kStopDamping_nm_s_per_rad;
+}
 
 /// @throws std::invalid_argument  when there are more of something than lanes have room for.
 void RequireLaneRoom(std::size_t count, std::size_t room, const char* what);

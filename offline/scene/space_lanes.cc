@@ -6,7 +6,6 @@
 
 #include "common/core/index.h"
 #include "offline/model/contact_shape.h"
-#include "offline/scene/joint_stop.h"
 
 namespace tumbler {
 namespace in_space {
@@ -79,19 +78,9 @@ SpaceLaneScene MakeLaneScene(const SpaceScene& scene, const LaneDrive& drive) {
   in_space::AddBodies(scene.robot, drive, lanes);
   in_space::AddPoints(scene.robot, lanes);
   in_space::AddGrounds(scene, lanes);
-  lanes.model.smoothing = scene.contact.smoothing;
-  lanes.model.damping_law = scene.contact.damping_law;
-  SpaceLaneRobot<double>& robot = lanes.robot;
-  robot.gravity = in_space::Numbers(scene.robot.tree.gravity);
-  robot.push = {};
-  robot.stiffness = scene.contact.stiffness_n_per_m;
-  robot.damping = scene.contact.damping_n_s_per_m;
-  robot.mu = scene.contact.mu;
-  robot.v_max = scene.contact.v_max_m_per_s;
-  robot.d_on = scene.contact.d_on_m;
-  robot.d_off = scene.contact.d_off_m;
-  robot.stop_stiffness = kStopStiffness_nm_per_rad;
-  robot.stop_damping = kStopDamping_nm_s_per_rad;
+  SetContact(scene.contact, lanes);
+  lanes.robot.gravity = in_space::Numbers(scene.robot.tree.gravity);
+  lanes.robot.push = {};
   return lanes;
 }
 
