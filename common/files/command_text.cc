@@ -235,9 +235,10 @@ std::string HelpText(const CommandDescription& command, std::size_t width) {
     text += "\nOptions:\n" + list;
   if (!command.subcommands.empty()) {
     text += "\nCommands:\n";
-    for (const CommandDescription& sub : command.subcommands)
+    for (const CommandDescription& sub : command.subcommands) {
       text +=
           Entry(sub.name.substr(sub.name.rfind(' ') + 1), FirstSentence(sub.description), width);
+    }
     // With what comes before a command.
     const std::string& first = command.subcommands.front().name;
     text += fmt::format("\n`{} COMMAND --help` tells more of each.\n",

@@ -242,7 +242,9 @@ std::string GraphText(const SequenceGraph<float>& graph, std::size_t joints) {
         StringLiteral(edge.branch.view()));
   }
   // The rest of the room, of which another build may have more or less, exchanges nothing.
-  line("  for (std::uint8_t j = 0; j < g.partner.size(); ++j) g.partner[j] = j;\n");
+  line(
+      "  for (std::size_t j = 0; j < g.partner.size(); ++j)\n"
+      "    g.partner[j] = static_cast<std::uint8_t>(j);\n");
   for (std::size_t j = 0; j < joints; ++j)
     if (graph.partner[j] != j) line("  g.partner[{}] = {};\n", j, graph.partner[j]);
   line("  g.swap_pitch_rad = {};\n", Exact(graph.swap_pitch_rad));
@@ -288,7 +290,7 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
   }
   out += fmt::format(
       "#pragma once\n\n"
-      "#include <array>\n#include <cstdint>\n#include <string_view>\n\n"
+      "#include <array>\n#include <cstddef>\n#include <cstdint>\n#include <string_view>\n\n"
       "#include \"common/core/primitive.h\"\n#include \"common/core/sequence.h\"\n\n"
       "namespace {} {{\n\n"
       "static_assert(tumbler::kMaxJoints >= {},\n"

@@ -267,9 +267,10 @@ void CheckWritable(const std::string& path) {
 }
 
 void CheckFolderWritable(const std::string& path) {
-  if (path == "-")
+  if (path == "-") {
     throw FileError(path, 0, "",
                     "a folder cannot be written to standard output; './-' is a folder");
+  }
   CheckFolderWritable(std::filesystem::absolute(path), path);
 }
 

@@ -128,9 +128,10 @@ void PrintThroughDrives(std::FILE* people, const TaskResult& result) {
   }
   std::string missed;
   for (const JudgedTarget& judged : result.through_drives->purpose) {
-    if (judged.met() != true)
+    if (judged.met() != true) {
       missed +=
           fmt::format("{}{}: {}", missed.empty() ? "" : "; ", judged.name(), judged.Verdict());
+    }
   }
   fmt::print(stderr,
              "warning: {} the model itself is NOT as asked: {}; give [drives] of the task stiffer "

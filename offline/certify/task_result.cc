@@ -264,7 +264,7 @@ void MakeRobustInSpace(const SolveOptions& options, Looks& looks,
   std::vector<Solution>& solutions = result.outcome.solutions;
   const auto found = std::ranges::find_if(solutions, accept);
   if (found == solutions.end()) return;
-  const Solution model = *found;
+  const Solution& model = *found;
   const std::vector<PurposeFigure> purpose = looks.At(model).look.purpose;
   const RobustInSpace robust = FindRobustInSpace(problem, model.x, purpose, options);
   result.outcome.evaluations += robust.played;

@@ -142,9 +142,10 @@ SceneTriangles DrawObstacle(const Shape<Spatial>& shape) {
     return triangles;
   }
   std::array<SpaceVector, 3> half;
-  for (int i = 0; i < 3; ++i)
+  for (int i = 0; i < 3; ++i) {
     half[static_cast<std::size_t>(i)] =
         shape.rotation * SpaceVector::Unit(i) * (shape.half_extents[i] + shape.radius_m);
+  }
   for (std::size_t i = 0; i < 3; ++i) {
     const SpaceVector &a = half[(i + 1) % 3], &b = half[(i + 2) % 3];
     add_side(shape.centre + half[i], a, b);

@@ -204,10 +204,8 @@ Json PlotToJson(const SpacePlot& plot) {
     for (const double value : series.values) most = std::max(most, std::abs(value));
     // Four digits of the largest: a curve is not drawn, and a value not read, to more.
     const double unit = most > 0 ? NiceBelow(most) / 1e4 : 1;
-    int digits = 0;
-    for (double tens = 1; tens * unit < 0.999 && digits < 9; tens *= 10) ++digits;
     double power = 1;
-    for (int i = 0; i < digits; ++i) power *= 10;
+    while (power * unit < 0.999 && power < 1e9) power *= 10;
     Json values = Json::Array();
     for (const double value : series.values) values.Append(std::round(value * power) / power);
     json["series"].Append({{"name", series.name},

@@ -134,8 +134,7 @@ std::string ToToml(const PosteriorFile& file) {
   for (const PosteriorDrive& drive : file.drives.of_joint) {
     writer.Line("");
     writer.Line("[[drive]]");
-    PosteriorDrive written = drive;
-    WriteKeys(writer, kPosteriorDriveKeys, written);
+    WriteKeys(writer, kPosteriorDriveKeys, drive);
   }
   return writer.Take();
 }

@@ -68,6 +68,18 @@ class StartReader {
     }
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
+    ReadRates(start, root);
+    root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
+    if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
+    if (given_) {
+      TakeGivenRoot(start, root);
+    } else {
+      Place(start, root);
+    }
+  }
+
+ private:
+  void ReadRates(TomlTable& start, TaskStart& root) {
     const bool given_motion = given_ && !given_->own;
     for (const FileKey<TaskStart>& key : kTaskStartRateKeys) {
       const std::string_view name = key.text.name;
@@ -87,25 +99,27 @@ class StartReader {
         CheckedBounds(start,
                       {"velocity", "rad/s", "pitch_min_rad_s", "pitch_max_rad_s", "pitch_rad_s"},
                       root.pitch_min_rad_s, root.pitch_max_rad_s, root.pitch_rad_s)};
-    root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
-    if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
-    if (given_) {
-      const PrimitivePose& pose = *given_->pose;
-      if (const double apart = std::abs(pose.root_pitch_rad - root.pitch_rad);
-          !given_->own && !(apart <= kStartPitchTolerance)) {
-        start.Fail("pitch_rad", fmt::format("is {} rad, but {} has the root's pitch at {} rad: {} "
-                                            "rad apart; allowed: <= {} rad",
-                                            MessageNumber(root.pitch_rad), given_->from,
-                                            MessageNumber(pose.root_pitch_rad),
-                                            MessageNumber(apart), kStartPitchTolerance));
-      }
-      CheckGivenBar(start);
-      problem_.start_q[0] = pose.root_x_m;
-      problem_.start_q[1] = pose.root_z_m;
-      problem_.start_q[kPitchOfRoot] = pose.root_pitch_rad;
-      problem_.start_root_rates = {pose.root_x_m_s, pose.root_z_m_s, pose.root_pitch_rad_s};
-      return;
+  }
+
+  void TakeGivenRoot(TomlTable& start, const TaskStart& root) {
+    const PrimitivePose& pose = *given_->pose;
+    if (const double apart = std::abs(pose.root_pitch_rad - root.pitch_rad);
+        !given_->own && !(apart <= kStartPitchTolerance)) {
+      start.Fail("pitch_rad", fmt::format("is {} rad, but {} has the root's pitch at {} rad: {} "
+                                          "rad apart; allowed: <= {} rad",
+                                          MessageNumber(root.pitch_rad), given_->from,
+                                          MessageNumber(pose.root_pitch_rad), MessageNumber(apart),
+                                          kStartPitchTolerance));
     }
+    CheckGivenBar(start);
+    problem_.start_q[0] = pose.root_x_m;
+    problem_.start_q[1] = pose.root_z_m;
+    problem_.start_q[kPitchOfRoot] = pose.root_pitch_rad;
+    problem_.start_root_rates = {pose.root_x_m_s, pose.root_z_m_s, pose.root_pitch_rad_s};
+  }
+
+  /// Puts the robot where the task says, or on the ground.
+  void Place(TomlTable& start, const TaskStart& root) {
     problem_.start_q[0] = root.x_m;
     problem_.start_q[1] = root.z_m.value_or(0);
     problem_.start_q[kPitchOfRoot] = root.pitch_rad;
@@ -133,7 +147,6 @@ class StartReader {
                    "; give contact.stiffness_n_per_m a larger value");
   }
 
- private:
   /// Checks that the ground can carry the robot in its pose, as deep in it as the compliant layer
   /// is thick.
   void CheckFirmGround(TomlTable& start, double touching_m) const {

@@ -167,9 +167,10 @@ ExitStatus Main(int argc, char** argv) {
   if (report.files.empty() && arguments.url.empty()) {
     throw UsageError("RECORD", "is missing, and so is --lcm-url; give the one or the other");
   }
-  if (report.files.size() > 1)
+  if (report.files.size() > 1) {
     throw UsageError("RECORD",
                      "is one where it is shown in a browser; --out writes a page of several");
+  }
   const sigset_t signals = HoldSignals();
   return arguments.url.empty() ? ShowRecord(arguments, signals) : ShowLive(arguments, signals);
 }

@@ -106,12 +106,16 @@ const std::vector<std::string> kQuaternionParts = {"w", "x", "y", "z"};
 
 /// The arguments q, qd and others of a call, and in space the quaternion, which comes last.
 template <class Space>
-States StatesIn(const Task& task, std::vector<Named> arguments, const py::object& quaternion) {
-  if constexpr (!kInPlane<Space>) {
+States StatesIn(const Task& task, const std::vector<Named>& arguments,
+                const py::object& quaternion) {
+  if constexpr (kInPlane<Space>) {
+    return StatesOf(arguments);
+  } else {
     const Quaternion start = ToQuaternion(task.problem.space->start_orientation);
-    arguments.push_back({"quaternion", quaternion, kQuaternionParts, {start.begin(), start.end()}});
+    std::vector<Named> all = arguments;
+    all.push_back({"quaternion", quaternion, kQuaternionParts, {start.begin(), start.end()}});
+    return StatesOf(all);
   }
-  return StatesOf(arguments);
 }
 
 /// Places the robot in one state, of which q and qd come first.

@@ -205,10 +205,11 @@ template <class P, class S>
 void RunLanePlans(const LaneModel& model, const LaneRobot<P>& robot, const LanePlan& plan,
                   std::span<const P> points, const LaneState<P>& start, LanePlanRecord<P>& record) {
   WithTreeOf(model, [&]<class Tree>() {
-    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {
       LanePlanRun<LaneDynamics<S, P, Tree>, P, S>(model, robot, plan, points, start, record,
                                                   LanesFrom<S>(first))
           .Run();
+    }
   });
 }
 
@@ -218,10 +219,11 @@ void RunSpaceLanePlans(const SpaceLaneModel& model, const SpaceLaneRobot<P>& rob
                        const LanePlan& plan, std::span<const P> points,
                        const SpaceLaneState<P>& start,
                        LanePlanRecord<P, SpaceLaneState<P>>& record) {
-  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+  for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {
     LanePlanRun<SpaceLaneDynamics<S, P>, P, S>(model, robot, plan, points, start, record,
                                                LanesFrom<S>(first))
         .Run();
+  }
 }
 
 }  // namespace TUMBLER_LANES_NAMESPACE

@@ -282,8 +282,9 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSte
                 std::span<const LaneSetpoint<P>> setpoints, HeldSetpoints<P>& held,
                 LaneState<P>& state, LaneWatch<P>& watch) {
   WithTreeOf(model, [&]<class Tree>() {
-    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {
       DriveSome<Tree>(model, robot, steps, setpoints, held, state, watch, LanesFrom<S>(first));
+    }
   });
   TakeLast(model.joints, setpoints, held);
 }
@@ -294,9 +295,10 @@ void DriveLanesClassically(const LaneModel& model, const LaneRobot<P>& robot,
                            const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
                            HeldSetpoints<P>& held, LaneState<P>& state, std::size_t lanes) {
   WithTreeOf(model, [&]<class Tree>() {
-    for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
+    for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes) {
       DriveSomeClassically<LaneDynamics<S, P, Tree>>(model, robot, steps, setpoints, held, state,
                                                      LanesFrom<S>(first));
+    }
   });
   TakeLast(model.joints, setpoints, held);
 }
@@ -307,9 +309,10 @@ void DriveSpaceLanesClassically(const SpaceLaneModel& model, const SpaceLaneRobo
                                 const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
                                 HeldSetpoints<P>& held, SpaceLaneState<P>& state,
                                 std::size_t lanes) {
-  for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes)
+  for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes) {
     DriveSomeClassically<SpaceLaneDynamics<S, P>>(model, robot, steps, setpoints, held, state,
                                                   LanesFrom<S>(first));
+  }
   TakeLast(model.joints, setpoints, held);
 }
 
@@ -319,9 +322,10 @@ void PrescribeLanes(const LaneModel& model, const LaneRobot<P>& robot, double st
                     std::span<const LaneSetpoint<P>> setpoints, LaneState<P>& state,
                     LaneWatch<P>& watch, std::span<P> torques) {
   WithTreeOf(model, [&]<class Tree>() {
-    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes)
+    for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {
       PrescribeSome<Tree>(model, robot, step_s, setpoints, state, watch, torques,
                           LanesFrom<S>(first));
+    }
   });
 }
 

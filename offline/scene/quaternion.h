@@ -31,7 +31,7 @@ inline Quaternion ToQuaternion(const SpaceMatrix& R) {
     if (R(2, 2) > R(i, i)) i = 2;
     const int j = (i + 1) % 3, k = (i + 2) % 3;
     const double s = 2 * std::sqrt(std::max(0.0, 1 + R(i, i) - R(j, j) - R(k, k)));
-    const auto at = [](int axis) { return static_cast<std::size_t>(axis + 1); };
+    const auto at = [](int axis) { return static_cast<std::size_t>(axis) + 1; };
     q[0] = (R(k, j) - R(j, k)) / s;
     q[at(i)] = s / 4;
     q[at(j)] = (R(j, i) + R(i, j)) / s;

@@ -114,9 +114,10 @@ RobotVariation DrawKnown(const Scene& scene, const Spreads& spreads, double scal
   }
   for (std::size_t i = 0; i < known.size(); ++i) {
     const double deviation = known.DeviationOf(i);
-    if (deviation > 0)
+    if (deviation > 0) {
       v.deviates.push_back(
           {NameOf(known.quantities[i]), (coordinates[i] - known.mean[i]) / deviation});
+    }
   }
   return v;
 }

@@ -43,7 +43,8 @@ template <class Bits>
     return __builtin_ia32_movmskpd(std::bit_cast<NativeVector<2>::Numbers>(bits)) != 0;
 #endif
   using Pair = typename NativeVector<2>::Bits;
-  const auto pairs = std::bit_cast<std::array<Pair, sizeof(Bits) / sizeof(Pair)>>(bits);
+  constexpr std::size_t kPairs = sizeof(Bits) / 16;  // bytes
+  const auto pairs = std::bit_cast<std::array<Pair, kPairs>>(bits);
   Pair any = pairs[0];
   for (std::size_t i = 1; i < pairs.size(); ++i) any |= pairs[i];
   return (any[0] | any[1]) != 0;

@@ -86,9 +86,10 @@ void Adjoint<Space>::PullBack(std::span<double> gradient) {
     if (output < 0) continue;
     for (int k = 0; k < parameters; ++k)
       gradient[Index(output * parameters + k)] = parameters_[Index(k)][lane];
-    if (forward_.motion.duration().is_free() && output > 0)
+    if (forward_.motion.duration().is_free() && output > 0) {
       gradient[Index((output + 1) * parameters - 1)] +=
           forward_.maxima.by_step_length(Index(output - 1));
+    }
   }
 }
 

@@ -63,9 +63,10 @@ struct ClearanceConstraint::Implementation {
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const Weights& w = WeightsOf(j, k);
       double position = 0;
-      for (int i = 0; i <= problem.degree; ++i)
+      for (int i = 0; i <= problem.degree; ++i) {
         position += w.w[Index(i)] *
                     ControlPointOf(problem.joints[j], ends[j], first_parameter[j], x, w.first + i);
+      }
       q[Index(problem.joints[j].dof)] = position;
     }
   }

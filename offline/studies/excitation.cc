@@ -193,9 +193,10 @@ class Maker {
     if (problem.scene.obstacles.empty()) refuse("it has no ground on which a robot could lie");
     for (const double rate : problem.start_root_rates)
       if (rate != 0) refuse("its motion begins with a moving robot; give one that begins at rest");
-    for (const ActuatedJoint& joint : problem.joints)
+    for (const ActuatedJoint& joint : problem.joints) {
       if (joint.start_rad_s != 0)
         refuse("its motion begins with a moving joint; give one that begins at rest");
+    }
   }
 
   [[nodiscard]] LaneScene LanesOf(const RobotVariation& variation) const {
@@ -245,7 +246,10 @@ class Maker {
     SelfDistances distances(problem().scene.robot, own.pairs);
     std::vector<double> q = problem().start_q;
     const auto splines = SplinesOf(x);
-    for (double t = 0; t < problem().duration_s; t += 5 * kTick_s) {
+    constexpr double kEvery_s = 5 * kTick_s;
+    const auto looks = static_cast<int>(std::ceil(problem().duration_s / kEvery_s - 1e-9));
+    for (int k = 0; k < looks; ++k) {
+      const double t = k * kEvery_s;
       for (std::size_t j = 0; j < splines.size(); ++j)
         q[Index(problem().joints[j].dof)] = splines[j].Evaluate(t).value;
       if (distances.Nearest(q).distance_m < own.clearance_m + 1e-3) return false;
@@ -267,7 +271,9 @@ class Maker {
                                       std::span<const JointMotion<double>::Spline> torques) const {
     Setpoints setpoints;
     const double duration_s = problem().duration_s;
-    for (double t = 0; t < duration_s + kAfter_s; t += kTick_s) {
+    const auto ticks = static_cast<int>(std::ceil((duration_s + kAfter_s) / kTick_s - 1e-9));
+    for (int k = 0; k < ticks; ++k) {
+      const double t = k * kTick_s;
       auto& tick = setpoints.emplace_back();
       const double at_s = std::min(t, duration_s);
       for (std::size_t j = 0; j < positions.size(); ++j) {

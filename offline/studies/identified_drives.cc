@@ -132,9 +132,10 @@ std::string CorrectedDrives(const std::string& text, const std::string& name,
   draft.Check();
   std::string head =
       "# zero_offset_rad of the robot that was identified, by tumbler identify fit.\n";
-  if (file.effective)
+  if (file.effective) {
     head +=
         "# AN EFFECTIVE MODEL: it did not explain its records. Do not drive with these zeros.\n";
+  }
   return head + draft.text();
 }
 

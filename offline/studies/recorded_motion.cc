@@ -179,35 +179,57 @@ class Reader {
     }
   }
 
-  /// Finds hold, motion and settling.
+  /// Of the kept ticks: where the hold before the motion begins, where the motion does, and where
+  /// what can be used of it and its settling ends.
+  struct Parts {
+    std::size_t holds = 0, begins = 0, end = 0;
+  };
+
+  /// Takes hold, motion and settling.
   void Choose(RecordedMotion& result) {
     if (kept_.empty()) Fail("holds no tick");
-    const auto is = [this](std::size_t k, ExecutorState state) { return kept_[k].state == state; };
+    Parts parts;
+    FindBeginning(result, parts);
+    FindEnd(result, parts);
+    result.begins = parts.begins - parts.holds;
+    FindLateness(parts, result);
+    TakeTicks(parts, result);
+    RequireMotion(result);
+  }
+
+  [[nodiscard]] bool Is(std::size_t kept, ExecutorState state) const {
+    return kept_[kept].state == state;
+  }
+
+  /// Sets holds and begins.
+  void FindBeginning(RecordedMotion& result, Parts& parts) {
     std::size_t begins = 0;
-    while (begins < kept_.size() && !is(begins, ExecutorState::kRunning)) ++begins;
+    while (begins < kept_.size() && !Is(begins, ExecutorState::kRunning)) ++begins;
     if (begins == kept_.size()) {
       Fail(fmt::format("no motion was played in its {:.3g} s; play one of tumbler identify excite",
                        static_cast<double>(kept_.size()) * result.tick_s));
     }
     // A motion may begin with a hold of its own.
     std::size_t holds = begins;
-    while (holds > 0 && is(holds - 1, ExecutorState::kHolding) && Holds(holds - 1, begins)) --holds;
+    while (holds > 0 && Is(holds - 1, ExecutorState::kHolding) && Holds(holds - 1, begins)) --holds;
     const std::size_t first = begins;
-    while (begins + 1 < kept_.size() && is(begins + 1, ExecutorState::kRunning) &&
+    while (begins + 1 < kept_.size() && Is(begins + 1, ExecutorState::kRunning) &&
            Holds(begins + 1, first)) {
       ++begins;
     }
-    const auto count = [&](double time_s) {
-      return static_cast<std::size_t>(std::lround(time_s / result.tick_s));
-    };
-    if (begins - holds < count(settings_.hold_min_s)) {
+    if (begins - holds < Ticks(settings_.hold_min_s, result)) {
       result.remarks.push_back(fmt::format(
           "the robot was held for {:.3g} s before its motion; it is taken to have rested, "
           "which takes {:.3g} s to see",
           static_cast<double>(begins - holds) * result.tick_s, settings_.hold_min_s));
     }
-    holds = std::max(holds, begins - std::min(begins, count(settings_.hold_s)));
-    std::size_t end = begins, settles = 0;
+    parts.holds = std::max(holds, begins - std::min(begins, Ticks(settings_.hold_s, result)));
+    parts.begins = begins;
+  }
+
+  /// Sets end.
+  void FindEnd(RecordedMotion& result, Parts& parts) {
+    std::size_t end = parts.begins, settles = 0;
     const char* cut = nullptr;
     while (end < kept_.size()) {
       if (kept_[end].fault) {
@@ -216,14 +238,14 @@ class Reader {
         cut = "missed periods";
       }
       if (cut != nullptr) break;
-      if (is(end, ExecutorState::kSettling) || is(end, ExecutorState::kHolding)) {
-        if (++settles > count(settings_.settle_s)) break;
-      } else if (!is(end, ExecutorState::kRunning)) {
+      if (Is(end, ExecutorState::kSettling) || Is(end, ExecutorState::kHolding)) {
+        if (++settles > Ticks(settings_.settle_s, result)) break;
+      } else if (!Is(end, ExecutorState::kRunning)) {
         break;
       }
       ++end;
     }
-    const double length_s = static_cast<double>(end - begins) * result.tick_s;
+    const double length_s = static_cast<double>(end - parts.begins) * result.tick_s;
     if (cut != nullptr) {
       result.remarks.push_back(
           fmt::format("used up to {}, {:.3g} s after the motion began", cut, length_s));
@@ -235,11 +257,15 @@ class Reader {
       Fail(fmt::format("only {:.3g} s of its motion can be used ({}); needed are {:.3g} s",
                        length_s, cut != nullptr ? cut : "the record ends", kLeast_s));
     }
-    result.begins = begins - holds;
+    parts.end = end;
+  }
+
+  /// How much later than the bus needs replies are read.
+  void FindLateness(const Parts& parts, RecordedMotion& result) const {
     std::vector<double> late;
     const double bit_s = 1.0 / result.drives.bit_rate;
-    for (std::size_t k = holds; k < end; ++k) {
-      KeptTick& kept = kept_[k];
+    for (std::size_t k = parts.holds; k < parts.end; ++k) {
+      const KeptTick& kept = kept_[k];
       if (kept.last_reply_ns != 0) {
         const double bus_s =
             bit_s * static_cast<double>(kept.host_bits + kept.reply_bits - kIntermissionBits);
@@ -251,9 +277,13 @@ class Reader {
       result.late_sd_s += (value - result.late_s) * (value - result.late_s);
     if (!late.empty())
       result.late_sd_s = std::sqrt(result.late_sd_s / static_cast<double>(late.size()));
+  }
+
+  void TakeTicks(const Parts& parts, RecordedMotion& result) {
+    const double bit_s = 1.0 / result.drives.bit_rate;
     std::vector<std::vector<double>> arrivals(joints_);
     std::size_t answered = 0;
-    for (std::size_t k = holds; k < end; ++k) {
+    for (std::size_t k = parts.holds; k < parts.end; ++k) {
       KeptTick& kept = kept_[k];
       for (std::size_t j = 0; j < joints_; ++j) {
         RecordedJoint& joint = kept.joints[j];
@@ -275,7 +305,10 @@ class Reader {
       result.remarks.push_back(fmt::format("{} of {} setpoints have no answer and are left out",
                                            asked - answered, asked));
     }
-    RequireMotion(result);
+  }
+
+  [[nodiscard]] static std::size_t Ticks(double time_s, const RecordedMotion& result) {
+    return static_cast<std::size_t>(std::lround(time_s / result.tick_s));
   }
 
   /// Whether a tick has the setpoints of another.

@@ -48,9 +48,10 @@ RecordedReplay::RecordedReplay(const RecordedMotion& motion,
   const auto before = static_cast<std::size_t>(std::lround(Replaying::kBefore_s / motion.tick_s));
   first_ = motion.begins - std::min(motion.begins, before);
   FindParts();
-  for (const RecordedDrive& joint : motion.joints)
+  for (const RecordedDrive& joint : motion.joints) {
     noise_rad_.push_back(std::sqrt(joint.noise_rad * joint.noise_rad +
                                    Replaying::kModelNoise_rad * Replaying::kModelNoise_rad));
+  }
 }
 
 void RecordedReplay::FindParts() {
@@ -131,7 +132,8 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
   // Drives are no faster, however fine the steps are.
   steps.law_every = std::max(
       1, static_cast<int>(std::lround(per_tick * Replaying::kDriveLoop_s / motion_.tick_s)));
-  for (double t = 0; t < Replaying::kRests_s; t += motion_.tick_s)
+  const long rests = std::lround(Replaying::kRests_s / motion_.tick_s);
+  for (long k = 0; k < rests; ++k)
     kernel.drive(model_, packed, rough, setpoints, held, state, watch);
 
   // Joints at the beginning of each tick.

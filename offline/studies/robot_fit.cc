@@ -474,15 +474,17 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   const std::vector<double>& deviations = objective.deviations();
   outcome.posterior.quantities = prior.known.quantities;
   outcome.posterior.mean = objective.CoordinatesOf(best.u);
-  for (std::size_t i = 0; i < n; ++i)  // but for rounding at a bound
+  for (std::size_t i = 0; i < n; ++i) {  // but for rounding at a bound
     outcome.posterior.mean[i] = std::max(
         outcome.posterior.mean[i], FactsOf(prior.known.quantities[i].kind).least_coordinate());
+  }
   outcome.posterior.covariance.resize(n * n);
   for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t k = 0; k < n; ++k)
+    for (std::size_t k = 0; k < n; ++k) {
       outcome.posterior.covariance[i * n + k] =
           of_variables(ToIndex(i), ToIndex(k)) * deviations[i] * deviations[k] *
           WideningOf(prior.known.quantities[i].kind) * WideningOf(prior.known.quantities[k].kind);
+    }
   }
   outcome.evaluations = objective.evaluations();
   return outcome;

@@ -3,6 +3,7 @@
 
 #include "offline/pages/flight_report.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
@@ -512,7 +513,7 @@ TEST_F(ReportProgram, WantsOneRecordInABrowserAndTakesOptionsOfThePageOnlyWithOn
   for (const std::string& arguments :
        {record + " " + record, record + " --from-s 1", record + " --truth " + Recorded().truth,
         std::string("--lcm-url 'udpm://239.255.76.67:7667?ttl=0' --out ") + out_, std::string()}) {
-    EXPECT_EQ(RunInShell("tumbler view " + arguments).exit_code, 1) << arguments;
+    EXPECT_EQ(RunInShell(fmt::format("tumbler view {}", arguments)).exit_code, 1) << arguments;
   }
 }
 

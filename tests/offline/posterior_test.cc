@@ -28,9 +28,10 @@ PosteriorFile SomePosterior() {
   for (std::size_t i = 0; i < n; ++i)
     file.prior_deviations.push_back(file.posterior.DeviationOf(i));
   file.posterior.mean = file.posterior.Draw(1, 3, 4);
-  for (std::size_t i = 0; i < n; ++i)
+  for (std::size_t i = 0; i < n; ++i) {
     if (file.posterior.quantities[i].kind == RobotQuantity::Kind::kDry)
       file.posterior.mean[i] = std::abs(file.posterior.mean[i]);
+  }
   file.posterior.covariance[1] = file.posterior.covariance[n] = 0.3 * file.posterior.covariance[0];
   file.chi = 0.1 + 0.2;
   file.chi_max = 1;

@@ -73,7 +73,8 @@ class RobotInMuJoCo {
     model_->opt.timestep = 5e-4;
     model_->opt.integrator = mjINT_IMPLICIT;
     masses_.assign(model_->body_mass, model_->body_mass + model_->nbody);
-    inertias_.assign(model_->body_inertia, model_->body_inertia + 3 * model_->nbody);
+    inertias_.assign(model_->body_inertia,
+                     model_->body_inertia + std::ptrdiff_t{3} * model_->nbody);
     for (const JointMotion<double>& motion : file.primitive.motions()) {
       const std::string name(motion.name.view());
       const int joint = mj_name2id(model_.get(), mjOBJ_JOINT, name.c_str());

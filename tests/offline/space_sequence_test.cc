@@ -167,9 +167,10 @@ settle_s = 2
 
 SequenceFile Load(const std::string& text, const std::vector<PrimitiveFile>& files) {
   const TemporaryFolder folder;
-  for (const PrimitiveFile& file : files)
+  for (const PrimitiveFile& file : files) {
     WriteFile((folder.path() / (std::string(file.primitive.name.view()) + ".toml")).string(),
               ToToml(file));
+  }
   const std::string path = (folder.path() / "sequence.toml").string();
   WriteFile(path, text);
   return ReadSequence(path);
@@ -439,9 +440,10 @@ TEST(StartFromInSpace, AnExitInTheAirIsRefused) {
 class SequenceOnRobots : public ::testing::Test {
  protected:
   std::string Write(const std::vector<PrimitiveFile>& files) {
-    for (const PrimitiveFile& file : files)
+    for (const PrimitiveFile& file : files) {
       WriteFile((folder_.path() / (std::string(file.primitive.name.view()) + ".toml")).string(),
                 ToToml(file));
+    }
     const std::string path = (folder_.path() / "sequence.toml").string();
     WriteFile(path, kBends);
     return path;

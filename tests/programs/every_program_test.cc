@@ -203,8 +203,11 @@ TEST(Tumbler, ProposesTheCommandThatMayHaveBeenMeantAndEndsWithStatus1) {
                                                         {"Run", "run"}}) {
     const Outcome outcome = RunProgram({"tumbler", word, "--help"});
     EXPECT_EQ(outcome.exit_code, 1) << word;
-    EXPECT_THAT(outcome.text,
-                HasSubstr("'" + word + "' is no command; did you mean " + meant + "?"));
+    EXPECT_THAT(outcome.text, HasSubstr(std::string("'")
+                                            .append(word)
+                                            .append("' is no command; did you mean ")
+                                            .append(meant)
+                                            .append("?")));
   }
   for (const std::string word : {"xylophone", "", "../run", "\x1b[31m"}) {
     const Outcome outcome = RunProgram({"tumbler", word});

@@ -350,10 +350,11 @@ TEST(Executor, LoweringTakesStiffnessAndFeedForwardAwayInTheSameTwoSeconds) {
   EXPECT_EQ(rig.Tick(OperatorCommand::kLower).refusal.refusal, Refusal::kNone);
   for (int tick = 2; tick <= 2100; ++tick) {
     // Who asks once more does not begin anew.
-    if (tick == 1000)
+    if (tick == 1000) {
       rig.Tick(OperatorCommand::kLower);
-    else
+    } else {
       rig.Tick();
+    }
     const float left = std::max(0.0F, 1 - static_cast<float>(tick) / 2000);
     ASSERT_NEAR(rig.drives[1]->setpoint.kp_nm_per_rad, held.kp_nm_per_rad * left, 1e-2F) << tick;
     ASSERT_NEAR(rig.drives[1]->setpoint.torque_nm, held.torque_nm * left, 1e-4F) << tick;

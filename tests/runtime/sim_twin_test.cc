@@ -486,7 +486,7 @@ std::string HandstandWithFeedback() {
   std::vector<double> angles;
   while (loop.Step()) {
     if (loop.record().state != ExecutorState::kRunning) continue;
-    const TwinState truth = robot.state();
+    const TwinState& truth = robot.state();
     angles.push_back(truth.root_pitch_rad + truth.joint_positions_rad[1]);
   }
   Feedback<double>& feedback = file.primitive.feedback;
