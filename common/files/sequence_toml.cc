@@ -38,6 +38,13 @@ class SequenceReader {
   }
 
   SequenceFile Read() {
+    if (root_.String("format", "") == "tumbler-primitive") {
+      root_.Fail("format",
+                 fmt::format("is 'tumbler-primitive', which is one motion; a sequence says '{}' "
+                             "and names the primitives that it plays. What a motion alone does is "
+                             "shown by tumbler run sim and tumbler view",
+                             kHeader.format));
+    }
     ReadHeader(root_, kHeader);
     ReadKeys(root_, kNameKeys, file_.graph);
     if (std::optional<TomlTable> table = root_.OptionalTable("tolerances"))

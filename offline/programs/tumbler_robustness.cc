@@ -317,7 +317,7 @@ void CheckSpaceOptions(const CommandLine& line) {
     throw UsageError(option,
                      "is for motions in the plane so far; this one is of a robot in space, "
                      "for which there are --robots, --seed, --scale, --cycles, --branch, --hold-s, "
-                     "--push, --period-s, --json and the spreads of links and ground");
+                     "--push, --period-s, --threads, --json and the spreads of links and ground");
   }
 }
 
@@ -362,7 +362,10 @@ ExitStatus Main(int argc, char** argv) {
       "Plays a motion on robots that differ from the model, each through the runtime, "
       "simulated drives and the twin, and tells how many are as asked after every motion. Robot "
       "number i of a seed is the same whatever the number of robots, threads, processes (mpirun) "
-      "and shards. With --window: on which ground the model itself is as asked.",
+      "and shards. With --window: on which ground the model itself is as asked. A motion in space "
+      "takes --robots, --seed, --scale, --cycles, --branch, --hold-s (0 where it is left out), "
+      "--push, --period-s, --threads, --json and the spreads of links and ground; what else there "
+      "is, is for motions in the plane.",
       "tumbler robustness");
   line.SetFooter(kExitCodes);
   Declare(line, arguments);

@@ -361,10 +361,7 @@ class EndPatience {
 
 /// Completes the flight record.
 void StopRecorder(FlightRecorder& recorder, bool stopped, RunSummary& summary) {
-  recorder.Stop(summary.reason.empty()
-                    ? ToString(summary.outcome)
-                    : fmt::format("{}: {}", ToString(summary.outcome), summary.reason),
-                EndPatience(stopped));
+  recorder.Stop(ToOutcome(summary), EndPatience(stopped));
   summary.recorded_ticks = recorder.recorded();
   summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
   summary.record_problem = recorder.problem();
@@ -623,8 +620,8 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives, voice);
 
   EndSummary(play, telemetry, commands, summary);
-  if (recorder != nullptr) StopRecorder(*recorder, stopped, summary);
   world->Summarize(summary);
+  if (recorder != nullptr) StopRecorder(*recorder, stopped, summary);
   return summary;
 }
 

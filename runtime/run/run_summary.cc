@@ -199,6 +199,17 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     text += fmt::format("    {}: {}\n", judged.name(), judged.Verdict());
 }
 
+/// Lines about what a simulated robot did.
+void AppendRobot(const RunSummary& summary, std::string& text) {
+  AppendPassages(summary, text);
+  if (!summary.after_torque_off.empty())
+    text += fmt::format("  without torque, 3 s later: the robot {}\n", summary.after_torque_off);
+  for (const std::vector<Mishap>* mishaps : {&summary.falls, &summary.overlaps}) {
+    for (const Mishap& mishap : *mishaps)
+      text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
+  }
+}
+
 }  // namespace
 
 namespace {
@@ -292,6 +303,20 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
   return json.Dump(2) + '\n';
 }
 
+std::string ToOutcome(const RunSummary& summary) {
+  std::string text = ToString(summary.outcome);
+  if (!summary.reason.empty()) text += ": " + summary.reason;
+  std::string lines;
+  AppendRobot(summary, lines);
+  for (std::size_t begin = 0; begin < lines.size();) {
+    begin = lines.find_first_not_of(' ', begin);
+    const std::size_t end = lines.find('\n', begin);
+    text.append("; ").append(lines, begin, end - begin);
+    begin = end + 1;
+  }
+  return text;
+}
+
 std::string ToText(const RunSummary& summary) {
   const LoopStatistics& s = summary.statistics;
   std::string text = fmt::format(
@@ -299,13 +324,7 @@ std::string ToText(const RunSummary& summary) {
       summary.bus, summary.dry_run ? " (dry run)" : "", summary.speed, summary.rate_hz);
   if (summary.attended) text += fmt::format("  {} runs\n", summary.runs);
   if (!summary.reason.empty()) text += fmt::format("  {}\n", summary.reason);
-  AppendPassages(summary, text);
-  if (!summary.after_torque_off.empty())
-    text += fmt::format("  without torque, 3 s later: the robot {}\n", summary.after_torque_off);
-  for (const std::vector<Mishap>* mishaps : {&summary.falls, &summary.overlaps}) {
-    for (const Mishap& mishap : *mishaps)
-      text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
-  }
+  AppendRobot(summary, text);
   AppendJoints(summary, text);
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);

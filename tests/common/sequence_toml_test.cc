@@ -470,6 +470,10 @@ struct Bad {
 TEST(SequenceToml, EachWrongFileIsToldWhatIsWrong) {
   const Bad cases[] = {
       {"tumbler-sequence", "tumbler-task", "", "format: is 'tumbler-task'; a sequence says"},
+      {"tumbler-sequence", "tumbler-primitive", "",
+       "format: is 'tumbler-primitive', which is one motion; a sequence says 'tumbler-sequence' "
+       "and names the primitives that it plays. What a motion alone does is shown by tumbler run "
+       "sim"},
       {"version = 1", "version = 2", "", "version: is 2; this program reads versions up to 1"},
       {"version = 1", "version = 0", "", "version: is 0"},
       {"name = \"gait\"", "name = \"\"", "", "name: is '', 0 bytes; allowed: from 1 ... 48"},

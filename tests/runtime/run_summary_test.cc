@@ -251,6 +251,9 @@ TEST(StatusOfARun, SaysWhenTheSimulatedRobotWentThroughItself) {
   EXPECT_THAT(ToText(report),
               ::testing::HasSubstr("at 0.549 s the robot GOES THROUGH ITSELF: leg1_link/1"));
   EXPECT_THAT(ToJson(report), ::testing::HasSubstr("\"overlaps\""));
+  EXPECT_EQ(ToOutcome(report),
+            "completed; at 0.549 s the robot GOES THROUGH ITSELF: leg1_link/1 and leg2_link/0 "
+            "overlap");
 }
 
 TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
@@ -263,6 +266,9 @@ TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
   EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
   passage.pitch_later_rad = 3.1;
   EXPECT_EQ(StatusOf(report), ExitStatus::kAmiss);
+  EXPECT_EQ(ToOutcome(report),
+            "completed; root turned 1.5300 rad off its plan 2 s later (within 0.05): NOT where it "
+            "should be");
   report.outcome = RunOutcome::kFault;
   EXPECT_EQ(StatusOf(report), ExitStatus::kFault);
 }
