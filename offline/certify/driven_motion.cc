@@ -28,6 +28,9 @@ constexpr double kPeriod_s = kUsualPeriod_s;
 
 using DrivenRobot = DrivenRobotIn<Plane>;
 
+/// Into how many parts, no longer than the usual period, a period is divided.
+int TicksIn(double period_s) { return static_cast<int>(std::ceil(period_s / kPeriod_s - 1e-6)); }
+
 /// How many steps a span of time is divided into, so that setpoints change between them.
 /// @param parts  of the solver's step.
 int StepsIn(double span_s, const Problem& problem, double longest_s, double parts) {
@@ -38,12 +41,14 @@ int StepsIn(double span_s, const Problem& problem, double longest_s, double part
 /// Steps a robot until a time, visiting every step. @returns false when its state left every
 /// plausible range.
 /// @param longest_s  of the steps.
+/// @param period_s   in which setpoints change.
 template <class Robot, class Visit>
-bool Play(const Problem& problem, Robot& robot, double longest_s, double until_s, double finer,
-          Visit&& visit) {
+bool Play(const Problem& problem, Robot& robot, double longest_s, double period_s, double until_s,
+          double finer, Visit&& visit) {
   const double calm_s = problem.duration_s + ExitAfter(problem);
-  const double fine_s = kPeriod_s / StepsIn(kPeriod_s, problem, longest_s, finer);
-  const double coarse_s = kPeriod_s / StepsIn(kPeriod_s, problem, longest_s, 1);
+  const double tick_s = period_s / TicksIn(period_s);
+  const double fine_s = tick_s / StepsIn(tick_s, problem, longest_s, finer);
+  const double coarse_s = tick_s / StepsIn(tick_s, problem, longest_s, 1);
   double time_s = 0;
   while (time_s < until_s) {
     const double step_s = time_s < calm_s ? fine_s : coarse_s;
@@ -73,7 +78,7 @@ class DrivenLanes {
       : problem_(&problem),
         feed_forward_(feed_forward),
         played_(played),
-        ticks_(static_cast<int>(std::ceil(played[0].period_s / kPeriod_s - 1e-6))),
+        ticks_(TicksIn(played[0].period_s)),
         tick_s_(played[0].period_s / ticks_) {
     std::array<Robot<double>, Packet::kLanes> robots{};
     std::array<State<double>, Packet::kLanes> states{};
@@ -283,7 +288,7 @@ bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
                        const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor) {
   DrivenRobot robot(problem, x, feed_forward, Nominal(problem.scene, problem, disturbance));
-  return Play(problem, robot, robot.LongestStep(), until_s, kPlayedFiner,
+  return Play(problem, robot, robot.LongestStep(), kPeriod_s, until_s, kPlayedFiner,
               [&](double time_s) { return visitor(time_s, robot.Positions()); });
 }
 
@@ -368,11 +373,12 @@ bool PlayThroughDrivesInSpace(
     if (i > 0) robot.Begin(*motion.problem, *motion.x, motion.feed_forward, began_s);
     began_s += motion.until_s;
     const bool plausible =
-        Play(*motion.problem, robot, longest_s, motion.until_s, played.finer, [&](double time_s) {
-          goes_on =
-              visitor(i, {time_s, robot.Positions(), robot.Velocities(), &robot.chart().axes});
-          return goes_on;
-        });
+        Play(*motion.problem, robot, longest_s, played.period_s, motion.until_s, played.finer,
+             [&](double time_s) {
+               goes_on =
+                   visitor(i, {time_s, robot.Positions(), robot.Velocities(), &robot.chart().axes});
+               return goes_on;
+             });
     if (!plausible) return false;
   }
   return true;

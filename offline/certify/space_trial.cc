@@ -49,7 +49,7 @@ class SpaceJudge {
   bool Look(std::size_t which, const DrivenSample& at) {
     if (which != now_) {
       if (std::ranges::any_of(OfNow(), &SpaceJudge::Fails)) return false;
-      now_ = which;
+      now_ = trial.ended_in = which;
       began_ = false;
     }
     if (!began_) Begin(at);

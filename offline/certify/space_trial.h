@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>
@@ -49,6 +50,7 @@ double LastDue(const JudgedMotion& motion);
 struct SpaceTrial {
   bool finite = true;                 ///< Whether its state stayed plausible.
   std::vector<JudgedTarget> purpose;  ///< In the order of the motions, and of their targets.
+  std::size_t ended_in = 0;           ///< The motion in which it was looked at last.
   [[nodiscard]] bool as_asked() const { return finite && AllMet(purpose).value_or(false); }
 };
 

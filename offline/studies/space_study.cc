@@ -221,6 +221,8 @@ bool Misses(const JudgedTarget& judged) { return !judged.met().value_or(false); 
 
 /// The first motion in which a robot fails; one past the last: none.
 std::size_t FirstFailed(const SpaceStudyResult& result, const SpaceTrial& trial) {
+  // A state that leaves every plausible range may do so in a motion that is for nothing.
+  if (!trial.finite) return trial.ended_in;
   std::size_t motion = 0;
   auto target = trial.purpose.begin();
   for (; motion < result.motions.size(); ++motion) {
@@ -228,9 +230,7 @@ std::size_t FirstFailed(const SpaceStudyResult& result, const SpaceTrial& trial)
     if (std::any_of(target, end, Misses)) break;
     target = end;
   }
-  // A state that leaves every plausible range does so in a motion whose targets have no result; one
-  // without targets is before the first that has some, or the last.
-  return motion == result.motions.size() && !trial.finite ? motion - 1 : motion;
+  return motion;
 }
 
 std::string NameOf(const SpaceStudyResult& result, std::size_t motion) {

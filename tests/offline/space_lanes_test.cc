@@ -61,15 +61,33 @@ std::vector<double> NumbersOf(const DrivenSample& at) {
   return numbers;
 }
 
-class DrivenLanesInSpace : public ::testing::TestWithParam<const char*> {};
+/// A motion, and the period of its setpoints.
+struct DrivenCase {
+  const char* motion;
+  double period_s;
+  friend void PrintTo(const DrivenCase& of, std::ostream* os) {
+    *os << of.motion << " every " << of.period_s << " s";
+  }
+};
+
+class DrivenLanesInSpace : public ::testing::TestWithParam<DrivenCase> {};
 
 /// So much that contact asks for no shorter steps: those of robots that differ would.
 constexpr double kHeavy_kg = 1e6;
 
-// Both take the same steps: a quarter of the solver's, in periods of a millisecond. The classical
-// method's sums and the dynamics are rounded otherwise, and contact amplifies that.
+// Both take the same steps: a quarter of the solver's, in equal parts of the period, so that
+// setpoints change between them. The classical method's sums and the dynamics are rounded
+// otherwise, and contact amplifies that.
 TEST_P(DrivenLanesInSpace, DoWhatEachRobotDoesAlone) {
-  const Shipped shipped(GetParam());
+  Shipped shipped(GetParam().motion);
+  const double period_s = GetParam().period_s;
+  const double look_s = period_s / std::ceil(period_s / 1e-3 - 1e-6);
+  for (PlayedRobot<Spatial>& robot : shipped.robots) {
+    robot.period_s = period_s;
+    // Lanes are pushed from look to look.
+    if (robot.push) robot.push->start_s = 50 * look_s - 1e-7;
+    if (robot.push) robot.push->duration_s = 20 * look_s;
+  }
   const DrivenMotion motion{&shipped.problem, &shipped.x, shipped.feed_forward, 0.25, kHeavy_kg};
   std::vector<std::vector<std::vector<double>>> seen(shipped.robots.size());
   const std::vector<bool> plausible =
@@ -83,7 +101,7 @@ TEST_P(DrivenLanesInSpace, DoWhatEachRobotDoesAlone) {
     std::size_t look = 0;
     double largest = 0;
     const auto compare = [&](std::size_t, const DrivenSample& at) {
-      if (std::abs(at.time_s - 1e-3 * static_cast<double>(look)) > 1e-9) return true;
+      if (std::abs(at.time_s - look_s * static_cast<double>(look)) > 1e-9) return true;
       const std::vector<double> alone = NumbersOf(at);
       for (std::size_t k = 0; k < alone.size(); ++k)
         largest = std::max(largest, std::abs(alone[k] - seen[i].at(look)[k]));
@@ -97,7 +115,9 @@ TEST_P(DrivenLanesInSpace, DoWhatEachRobotDoesAlone) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Motions, DrivenLanesInSpace,
-                         ::testing::Values("solo12/get_up.toml", "solo8/walk.toml"));
+                         ::testing::Values(DrivenCase{"solo12/get_up.toml", 1e-3},
+                                           DrivenCase{"solo12/get_up.toml", 1.0 / 290},
+                                           DrivenCase{"solo8/walk.toml", 1e-3}));
 
 // A second motion begins where the first has left the robot.
 TEST(DrivenLanesInSpace, PlayMotionsOneAfterTheOther) {

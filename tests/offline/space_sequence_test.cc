@@ -497,6 +497,16 @@ TEST_F(SequenceOnRobots, TheFirstMotionIsJudgedAsItIsAlone) {
   }
 }
 
+TEST(SpaceStudyResult, SaysThatARobotLeftEveryRangeInTheMotionInWhichItDid) {
+  const JudgedTarget unknown;
+  SpaceStudyResult result;
+  result.motions = {{"lie", 1, 0}, {"rise", 1, 1}, {"fall", 1, 0}};
+  for (const std::size_t motion : {0U, 1U, 2U})
+    result.trials.push_back({.finite = false, .purpose = {unknown}, .ended_in = motion});
+  EXPECT_THAT(result.FailedIn(), ::testing::ElementsAre(1, 1, 1));
+  EXPECT_THAT(result.ReasonOf(result.trials[0]), HasSubstr("lie: its state left every plausible"));
+}
+
 TEST_F(SequenceOnRobots, SaysInWhichMotionTheyFailAndPlaysThemNoFurther) {
   std::vector<PrimitiveFile> files = DownAndUp();
   Miss(files[1].purpose[2]);
