@@ -259,7 +259,9 @@ inline constexpr auto kContactKeys = AllRequired(std::array{
     KeyOf<&ContactInterval::obstacle>("obstacle", "its name in the task"),
     KeyOf<&ContactInterval::start_s>("start_s", Range::NonNegative(), ""),
     KeyOf<&ContactInterval::end_s>("end_s", Range::NonNegative(), "").Allowed("`start_s` or more"),
-    KeyOf<&ContactInterval::peak_normal_force_n>("peak_normal_force_n", Range::NonNegative(), ""),
+    KeyOf<&ContactInterval::peak_normal_force_n>(
+        "peak_normal_force_n", Range::NonNegative(),
+        "at the one point that carries most: a box or a capsule may touch at several"),
 });
 
 inline constexpr auto kPurposeKeys = AllRequired(std::array{
@@ -273,8 +275,9 @@ inline constexpr auto kPurposeKeys = AllRequired(std::array{
     KeyOf<&PurposeTarget::target, PurposeFigure>("target", ""),
     KeyOf<&PurposeTarget::tolerance, PurposeFigure>("tolerance", Range::Positive(),
                                                     "farther from the target misses it"),
-    KeyOf<&PurposeFigure::result>(
-        "result", "of the plan, simulated with a 16th of the step with which it was found"),
+    KeyOf<&PurposeFigure::result>("result",
+                                  "of the plan, simulated with a 16th of the step with which it "
+                                  "was found, in space a quarter"),
 });
 
 /// The key of a target at a time.

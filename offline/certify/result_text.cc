@@ -68,7 +68,7 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look, bool in_space, b
                1e3 * look.clearance_m);
   }
   if (look.slip_m && !look.slip_of.empty()) {
-    fmt::print(people, "  slip: {} slides {:.0f} mm while it carries weight, no contact more\n",
+    fmt::print(people, "  slip: {} slides {:.0f} mm while it carries weight, no shape more\n",
                look.slip_of, 1e3 * *look.slip_m);
   }
   for (const PurposeFigure& figure : look.purpose) {
@@ -119,9 +119,10 @@ void PrintDamping(std::FILE* people, const TaskResult& result) {
 void PrintThroughDrives(std::FILE* people, const TaskResult& result) {
   if (!result.through_drives) return;
   const DriveGains gains = result.problem().drive_gains();
-  const std::string drives =
-      fmt::format("through drives of {} N m/rad and {} N m s/rad, with setpoints every {:.3g} ms",
-                  gains.kp_nm_per_rad, gains.kd_nm_s_per_rad, 1e3 * SpaceRobustSettings{}.period_s);
+  const std::string drives = fmt::format(
+      "through drives of {} N m/rad and {} N m s/rad with the usual friction, and with "
+      "setpoints every {:.3g} ms,",
+      gains.kp_nm_per_rad, gains.kd_nm_s_per_rad, 1e3 * SpaceRobustSettings{}.period_s);
   if (result.through_drives->as_asked()) {
     fmt::print(people, "  {} the model is as asked, too\n", drives);
     return;

@@ -4,7 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <span>
 #include <utility>
 
@@ -210,24 +212,32 @@ class Looker {
     }
   }
 
-  /// Adds how far contacts that carry weight slide in a step.
+  /// Adds how far shapes that carry weight slide in a step on what they touch.
   void TakeSlip(const SpaceSample& sample) {
     constexpr double kCarries = 0.02;  // of the weight
     const SpaceRobot& robot = problem_.space->scene.robot;
     const double carried_n = kCarries * robot.mass_kg() * robot.tree.gravity.norm();
     const double step_s = sample.time_s - slipped_until_s_;
     slipped_until_s_ = sample.time_s;
-    slip_m_.resize(robot.shapes.size());
     if (!look_.slip_m) look_.slip_m = 0;
+    for (auto& [of, slip] : slips_) slip.normal_force_n = slip.speed_m_s = 0;
     for (const ActiveContact<Spatial>& contact : sample.contacts) {
-      if (contact.normal_force_n < carried_n) continue;
-      const ContactShape<Spatial>& shape = robot.shapes[Index(contact.shape)];
-      const SpaceVector v = sample.dynamics->velocity(shape.body).At(contact.point);
-      double& sum = slip_m_[Index(contact.shape)];
-      sum += step_s * (v - contact.normal.dot(v) * contact.normal).norm();
-      if (sum <= *look_.slip_m) continue;
-      look_.slip_m = sum;
-      look_.slip_of = shape.name;
+      const auto velocity_of = [&](int shape) {
+        return sample.dynamics->velocity(robot.shapes[Index(shape)].body).At(contact.point);
+      };
+      SpaceVector v = velocity_of(contact.shape);
+      if (contact.other_shape >= 0) v -= velocity_of(contact.other_shape);
+      Slip& slip = slips_[{contact.shape, contact.obstacle, contact.other_shape}];
+      slip.normal_force_n += contact.normal_force_n;
+      slip.speed_m_s =
+          std::max(slip.speed_m_s, (v - contact.normal.dot(v) * contact.normal).norm());
+    }
+    for (auto& [of, slip] : slips_) {
+      if (slip.normal_force_n < carried_n) continue;
+      slip.sum_m += step_s * slip.speed_m_s;
+      if (slip.sum_m <= *look_.slip_m) continue;
+      look_.slip_m = slip.sum_m;
+      look_.slip_of = robot.shapes[Index(of[0])].name;
     }
   }
 
@@ -247,7 +257,13 @@ class Looker {
   Instant end_, settled_, later_;
   std::vector<std::pair<double, Instant>> times_;  // at which the cost looks, too
   double speed_ = 0;
-  std::vector<double> slip_m_;  // of each shape
+  /// Of a shape on one thing that it touches, at several points where it is a box.
+  struct Slip {
+    double normal_force_n = 0;  // now, of all points
+    double speed_m_s = 0;       // now, of the point that slides fastest
+    double sum_m = 0;
+  };
+  std::map<std::array<int, 3>, Slip> slips_;  // by shape, obstacle and other shape
   double slipped_until_s_ = 0;
 };
 

@@ -13,7 +13,8 @@
 
 namespace tumbler {
 
-/// A motion looked at again, by a rollout with a step 16 times finer than the one that found it.
+/// A motion looked at again, by a rollout with a step 16 times finer than the one that found it,
+/// in space 4 times.
 /// What the solver's own step hides, such as the spike of an impact between two of its steps or a
 /// landing that holds in its arithmetic only, shows here.
 struct SecondLook {
@@ -53,8 +54,9 @@ struct SecondLook {
   double passive_excess = 0;
   double passive_time_s = 0;
   std::string passive_joint;  ///< "the joint without a motor 'wrist'", and where it is.
-  /// In space: the farthest that one contact slides while it carries weight, up to the end of the
-  /// settle phase, and whose it is. Absent in the plane, where nobody looks.
+  /// In space: the farthest that one shape slides on one thing while it carries weight, up to the
+  /// end of the settle phase, and which shape. Of several points that touch, such as the corners of
+  /// a box, that counts which slides fastest at the time. Absent in the plane, where nobody looks.
   std::optional<double> slip_m;
   std::string slip_of;
   /// Thickness of the compliant layer, which no contact may go through.

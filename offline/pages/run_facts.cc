@@ -82,7 +82,10 @@ void DescribeTruth(RunData& run) {
 
 void AddFacts(RunData& run, const FlightRecord& record, std::string_view motion_name) {
   const RecordConfiguration& c = record.configuration();
-  AddFact(run, "outcome", record.end() ? record.end()->outcome : "the recording was interrupted");
+  AddFact(run, "outcome",
+          record.end()               ? record.end()->outcome
+          : record.damages().empty() ? "the recording was interrupted"
+                                     : "not known: the record is damaged");
   AddFact(run, "motion", std::string(motion_name) + " (" + c.motion_file + ")");
   AddFact(run, "bus",
           fmt::format("{}{}{}", c.bus, c.dry_run ? ", dry run" : "",

@@ -98,8 +98,8 @@ SpaceMotionPage MakeSpaceMotionPage(const Task& task, const std::vector<double>&
   page.subtitle = fmt::format("{}, seed {}", file.provenance.tool, file.provenance.seed);
   page.motion_s = problem.duration_s;
   for (const PurposeFigure& figure : file.purpose) {
-    // What is nearly nothing is nothing to people.
-    const bool nothing = std::abs(figure.result) < 1e-3 * figure.tolerance;
+    // What is nothing but rounding is nothing to people.
+    const bool nothing = std::abs(figure.result) < 1e-6;
     page.facts.emplace_back(fmt::format("{}; asked {:.4g} within {:.3g}", figure.name(),
                                         figure.target, figure.tolerance),
                             fmt::format("{:.4g} {}", nothing ? 0.0 : figure.result, figure.unit()));

@@ -207,7 +207,8 @@ Json PlotToJson(const SpacePlot& plot) {
     double power = 1;
     while (power * unit < 0.999 && power < 1e9) power *= 10;
     Json values = Json::Array();
-    for (const double value : series.values) values.Append(std::round(value * power) / power);
+    for (const double value : series.values)
+      values.Append(std::isfinite(value) ? Json(std::round(value * power) / power) : Json());
     json["series"].Append({{"name", series.name},
                            {"hue", series.hue < 0 ? static_cast<int>(s % 8) : series.hue},
                            {"values", std::move(values)}});

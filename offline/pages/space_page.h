@@ -36,7 +36,7 @@ struct SpaceFrame {
 /// A curve over time.
 struct SpaceSeries {
   std::string name;
-  std::vector<double> values;  ///< One a frame.
+  std::vector<double> values;  ///< One a frame; NaN: there was none.
   int hue = -1;                ///< As a body's. -1: that of its place in the plot.
 };
 

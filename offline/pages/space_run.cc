@@ -17,6 +17,7 @@ namespace tumbler {
 namespace {
 
 constexpr double kFrame_s = 1.0 / 60;
+constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
 /// The last tick that is not after a time.
 std::size_t TickAt(const RunData& run, double time_s) {
@@ -90,14 +91,14 @@ SpaceMotionPage MakeSpaceRunPage(const RunData& run, const FlightReportOptions& 
     page.frames.push_back(frame);
     const std::size_t tick = TickAt(run, frame.time_s);
     for (std::size_t j = 0; j < run.joint_count(); ++j) {
-      // Before the first reply nothing was measured; a page has numbers alone.
+      // Before the first reply nothing was measured.
       const JointRecord& joint = run.joint(tick, j);
       const bool replied = joint.reply_age_ticks >= 0;
       const auto torque = static_cast<double>(joint.measured.torque_nm);
       page.plots[0].series[j].values.push_back(
-          replied ? static_cast<double>(joint.measured.position_rad) : 0.0);
-      page.plots[1].series[j].values.push_back(run.FollowingError(tick, j).value_or(0.0));
-      page.plots[2].series[j].values.push_back(replied && std::isfinite(torque) ? torque : 0.0);
+          replied ? static_cast<double>(joint.measured.position_rad) : kNothing);
+      page.plots[1].series[j].values.push_back(run.FollowingError(tick, j).value_or(kNothing));
+      page.plots[2].series[j].values.push_back(replied ? torque : kNothing);
     }
   }
   if (page.frames.size() < 2) {

@@ -196,10 +196,11 @@ inline constexpr std::array kSearchKeys = {
 
 inline constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
 inline constexpr std::array kSolverKeys = {
-    KeyOf<&SolverSettings::step_s>("step_s", kTaskStep_s,
-                                   "equal integration step, of which certificate and cross-check "
-                                   "take a sixteenth; a warning says when it is longer than "
-                                   "contact [allows](method.md#contact-by-intent)")
+    KeyOf<&SolverSettings::step_s>(
+        "step_s", kTaskStep_s,
+        "equal integration step, of which certificate and cross-check "
+        "take a sixteenth, in space a quarter; a warning says when it is longer than "
+        "contact [allows](method.md#contact-by-intent)")
         .Default("{}, at most the advisable one"),
     KeyOf<&SolverSettings::tolerance>("tolerance", {1e-12, 1e-2},
                                       "of the error of a state or its derivative z in one of the "

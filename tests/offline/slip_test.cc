@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/output_gradients.h"
 #include "offline/solve/random_starts.h"
@@ -21,10 +22,7 @@ constexpr const char* kBlock = R"(<robot name="block">
   <link name="block">
     <inertial><mass value="7.9"/>
       <inertia ixx="0.1" iyy="0.1" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><origin xyz="0.1 0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
-    <collision><origin xyz="0.1 -0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
-    <collision><origin xyz="-0.1 0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
-    <collision><origin xyz="-0.1 -0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
+    SHAPES
   </link>
   <link name="arm">
     <inertial><mass value="0.1"/>
@@ -37,8 +35,17 @@ constexpr const char* kBlock = R"(<robot name="block">
 </robot>
 )";
 
+/// Its four feet, and a box of which the corners are where they touch.
+constexpr const char* kFeet =
+    R"(<collision><origin xyz="0.1 0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
+    <collision><origin xyz="0.1 -0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
+    <collision><origin xyz="-0.1 0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>
+    <collision><origin xyz="-0.1 -0.1 0"/><geometry><sphere radius="0.02"/></geometry></collision>)";
+constexpr const char* kBox =
+    R"(<collision><geometry><box size="0.2 0.2 0.04"/></geometry></collision>)";
+
 /// It lies on a slope that falls along x, its feet so high above where they would rest.
-Problem OnASlope(double mu, double above_m) {
+Problem OnASlope(double mu, double above_m, const char* shapes = kFeet) {
   const double load_n = kMass_kg * 9.81 * std::cos(kSlope) / 4;
   const double height_m = kFootRadius_m + 4e-3 - load_n / 1e4 + above_m;
   const std::string text =
@@ -75,7 +82,10 @@ name = "slope"
 point_m = [0.0, 0.0, 0.0]
 normal = [)" +
       std::to_string(std::sin(kSlope)) + ", 0.0, " + std::to_string(std::cos(kSlope)) + "]\n";
-  return ParseTask(text, "slides.toml", kBlock, "block.urdf", TaskSpaces::kPlaneAndSpace).problem;
+  std::string block = kBlock;
+  const std::string place = "SHAPES";
+  block.replace(block.find(place), place.size(), shapes);
+  return ParseTask(text, "slides.toml", block, "block.urdf", TaskSpaces::kPlaneAndSpace).problem;
 }
 
 TEST(Slip, OfABlockOnASlopeIsItsShareOfTheWeightTimesTheWayThatItSlides) {
@@ -97,6 +107,20 @@ TEST(Slip, OfABlockOnASlopeIsItsShareOfTheWeightTimesTheWayThatItSlides) {
     rollout.VisitInSpace(still, 0, [&x_m](const SpaceSample& sample) { x_m = sample.q[0]; });
     const double slid_m = (x_m - problem.start_q[0]) / std::cos(kSlope);
     EXPECT_NEAR(slip_m, std::cos(kSlope) * slid_m, 2e-3 * way_m) << mu;
+  }
+}
+
+TEST(Slip, IsSaidOfABoxAsOfOneOfItsCorners) {
+  for (const char* shapes : {kFeet, kBox}) {
+    const Problem problem = OnASlope(0.3, 0, shapes);
+    const std::vector<double> still(static_cast<std::size_t>(problem.parameter_count()), 0.0);
+    Rollout rollout(problem, 2.5e-4);
+    double x_m = 0;
+    rollout.VisitInSpace(still, 0, [&x_m](const SpaceSample& sample) { x_m = sample.q[0]; });
+    const double slid_m = (x_m - problem.start_q[0]) / std::cos(kSlope);
+    const SecondLook look = LookAgain(problem, still);
+    ASSERT_TRUE(look.slip_m);
+    EXPECT_NEAR(*look.slip_m, slid_m, 2e-3 * slid_m) << look.slip_of;
   }
 }
 

@@ -39,8 +39,10 @@ class Times {
     return share < 0.5 ? i : i + 1;
   }
 
+  // None where a column has none.
   value(column, t) {
     const [i, share] = this.locate(t);
+    if (column[i] === null || column[i + 1] === null) return null;
     return column[i] + share * (column[i + 1] - column[i]);
   }
 }
