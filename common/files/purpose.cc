@@ -45,9 +45,18 @@ const char* PurposeTarget::unit() const {
   return kUnits[static_cast<std::size_t>(of)];
 }
 
+namespace {
+
+constexpr const char* kNoHeading =
+    "the axis points along the direction about which its heading would be: it has none";
+
+}  // namespace
+
 std::string PurposeTarget::AskedAndGot(double result) const {
   // A target that was calculated, such as where a resting robot is, is seldom 0 to the bit.
   const double asked = std::abs(target) < 1e-9 * tolerance ? 0 : target;
+  if (of == Of::kHeading && std::isnan(result))
+    return fmt::format("asked {:.6g} {}, got none: {}", asked, unit(), kNoHeading);
   return fmt::format("asked {:.6g}, got {:.6g} {} (within {:.3g})", asked, result, unit(),
                      tolerance);
 }
@@ -57,7 +66,7 @@ void JudgedTarget::Judge(double value) {
   obstacle.clear();
   if (target.of != PurposeTarget::Of::kHeading || !std::isnan(value)) return;
   result.reset();
-  obstacle = "the axis points along the direction about which its heading would be: it has none";
+  obstacle = kNoHeading;
 }
 
 std::string JudgedTarget::name() const {

@@ -254,6 +254,8 @@ void MakeFolderOf(const std::string& path) {
 }
 
 void CheckWritable(const std::string& path) {
+  if (path.ends_with('/'))
+    throw FileError(path, 0, "", "is the name of a folder; give that of a file, without '/'");
   std::error_code error;
   const std::filesystem::path target = Canonical(path);
   if (std::filesystem::is_directory(target, error))
@@ -296,16 +298,25 @@ void CheckResult(const std::string& path) {
 
 namespace {
 
-/// Whether two names are of the same file, or would be when it is made. A name is looked up from
-/// the working folder, since one of a file that is not there is else taken as it is written.
+/// Where a file is, or would be when it is made. A name is looked up from the working folder, since
+/// one of a file that is not there is else taken as it is written.
+std::filesystem::path PlaceOf(const std::string& name) {
+  std::error_code ignored;
+  return std::filesystem::weakly_canonical(std::filesystem::absolute(name, ignored), ignored);
+}
+
+/// Whether two names are of the same file, or would be when it is made.
 bool SameFile(const std::string& a, const std::string& b) {
   std::error_code error;
   if (IsDevice(a)) return false;
-  const auto place = [](const std::string& name) {
-    std::error_code ignored;
-    return std::filesystem::weakly_canonical(std::filesystem::absolute(name, ignored), ignored);
-  };
-  return place(a) == place(b) || std::filesystem::equivalent(a, b, error);
+  return PlaceOf(a) == PlaceOf(b) || std::filesystem::equivalent(a, b, error);
+}
+
+/// Whether a file would have to be a folder with another one in it.
+bool Holds(const std::string& folder, const std::string& file) {
+  const std::filesystem::path outer = PlaceOf(folder), inner = PlaceOf(file);
+  const auto [end, rest] = std::ranges::mismatch(outer, inner);
+  return end == outer.end() && rest != inner.end();
 }
 
 }  // namespace
@@ -322,6 +333,16 @@ void CheckDistinct(const std::vector<std::string>& inputs,
     for (std::size_t k = 0; k < i; ++k) {
       if (is_file(outputs[k]) && SameFile(outputs[i], outputs[k]))
         throw FileError(outputs[i], 0, "", "is named for two results; each needs its own file");
+      if (!is_file(outputs[k])) continue;
+      for (const auto& [outer, inner] : {std::pair(i, k), std::pair(k, i)}) {
+        if (Holds(outputs[outer], outputs[inner])) {
+          throw FileError(
+              outputs[inner], 0, "",
+              fmt::format("lies in '{}', which is a result, too, and no folder; give it "
+                          "another folder",
+                          outputs[outer]));
+        }
+      }
     }
   }
 }

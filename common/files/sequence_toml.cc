@@ -79,9 +79,18 @@ class SequenceReader {
       if (!read_ && !std::filesystem::exists(path, error)) {
         table.Fail(name, fmt::format("'{}' does not exist (looked for {})", named, path.string()));
       }
-      file_.primitives.push_back(ParsePrimitive(ReadText(path.string(), read_), path.string()));
+      file_.primitives.push_back(ParsePrimitive(TextOf(table, name, path.string()), path.string()));
       file_.primitive_names.push_back(name);
       CheckSameRobot(table, name, named);
+    }
+  }
+
+  /// The text of a primitive that the file names.
+  std::string TextOf(const TomlTable& table, const std::string& name, const std::string& path) {
+    try {
+      return ReadText(path, read_);
+    } catch (const FileError& error) {
+      table.Fail(name, fmt::format("cannot be read: {}", error.what()));
     }
   }
 
@@ -479,6 +488,17 @@ std::vector<KeyTable> SequenceKeyTables() {
 
 SequenceFile ReadSequence(const std::string& path, const FileReader& read) {
   return SequenceReader(TomlTable::Parse(ReadText(path, read), path), read).Read();
+}
+
+std::string EditNotes(const std::string& path, std::span<const PrimitiveFile> primitives) {
+  std::string notes;
+  for (const PrimitiveFile& file : primitives) {
+    if (file.provenance.edited.empty()) continue;
+    notes += fmt::format(
+        "{}: warning: primitive '{}' was changed by hand after it was made and verified: {}\n",
+        path, file.primitive.name.view(), file.provenance.edited);
+  }
+  return notes;
 }
 
 SequenceFile LoadSequence(const std::string& path, const FileReader& read) {

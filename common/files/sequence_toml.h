@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -110,6 +111,10 @@ SequenceFile LoadSequence(const std::string& path, const FileReader& read = {});
 /// sequence of this primitive alone. The executor starts and ends every primitive at rest.
 /// @throws FileError  as LoadSequence; about a joint that moves where a primitive starts or ends.
 SequenceFile LoadMotion(const std::string& path, const FileReader& read = {});
+
+/// For people: a line about each primitive that was changed by hand after it was made.
+/// @param path  of the motion that has them.
+std::string EditNotes(const std::string& path, std::span<const PrimitiveFile> primitives);
 
 /// The gains of the drives through which a motion was found: those of the first of its primitives
 /// that says so, beginning with the one at the start. None when no primitive does.

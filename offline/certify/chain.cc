@@ -382,7 +382,7 @@ class Simulation {
                          judged.target.when == PurposeTarget::When::kLater;
       const bool waits = rests && followed_ && !swings_on;
       if (!all && (waits || time_s < DueTimeOf(judged.target, world.file) - 1e-9)) continue;
-      judged.result = ValueOf(passage.node, world, i);
+      judged.Judge(ValueOf(passage.node, world, i));
       judged.after_s = time_s - duration_s;
     }
   }

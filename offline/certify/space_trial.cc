@@ -117,7 +117,8 @@ class SpaceJudge {
 }  // namespace
 
 std::vector<SpaceTrial> TryInSpace(std::span<const JudgedMotion> motions,
-                                   std::span<const PlayedRobot<Spatial>> played) {
+                                   std::span<const PlayedRobot<Spatial>> played,
+                                   const std::atomic<bool>* interrupt) {
   std::vector<DrivenMotion> driven;
   for (const JudgedMotion& motion : motions) {
     const double lightest_kg =
@@ -132,8 +133,8 @@ std::vector<SpaceTrial> TryInSpace(std::span<const JudgedMotion> motions,
     const auto some = played.subspan(first, std::min(Packet::kLanes, played.size() - first));
     std::vector<SpaceJudge> judges(some.size(), SpaceJudge(motions));
     const std::vector<bool> finite = PlayThroughDrivesInSpace(
-        driven, some, [&judges](std::size_t i, std::size_t motion, const DrivenSample& at) {
-          return judges[i].Look(motion, at);
+        driven, some, [&](std::size_t i, std::size_t motion, const DrivenSample& at) {
+          return (interrupt == nullptr || !*interrupt) && judges[i].Look(motion, at);
         });
     for (std::size_t i = 0; i < some.size(); ++i) {
       judges[i].trial.finite = finite[i];

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -52,15 +53,20 @@ struct SpaceTrial {
   std::vector<JudgedTarget> purpose;  ///< In the order of the motions, and of their targets.
   std::size_t ended_in = 0;           ///< The motion in which it was looked at last.
   [[nodiscard]] bool as_asked() const { return finite && AllMet(purpose).value_or(false); }
+  /// Whether it is known whether it is as asked: a heading may have been none.
+  [[nodiscard]] bool judged() const { return !finite || AllMet(purpose).has_value(); }
 };
 
 /// Plays motions on robots one after the other (PlayThroughDrivesInSpace), until one is not as
 /// asked, and judges each in the coordinates of its task (TaskFrame): every target at the last look
 /// before its time is over; what is to last, just before the next motion begins, or at the end of
 /// the hold. A speed is the largest of the last moments before that.
-/// @param played  with one period. @returns what became of each.
+/// @param played     with one period.
+/// @param interrupt  null, or ends it when it is set: what is returned then says nothing.
+/// @returns what became of each.
 std::vector<SpaceTrial> TryInSpace(std::span<const JudgedMotion> motions,
-                                   std::span<const PlayedRobot<Spatial>> played);
+                                   std::span<const PlayedRobot<Spatial>> played,
+                                   const std::atomic<bool>* interrupt = nullptr);
 /// The same of one motion.
 std::vector<SpaceTrial> TryInSpace(const Problem& problem, const std::vector<double>& x,
                                    std::span<const JointMotion<double>::Spline> feed_forward,

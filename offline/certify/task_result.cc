@@ -63,16 +63,18 @@ std::string Cause(const Problem& problem, const Solution& best) {
   if (exceeds) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.2g} % ({}); give it more duration_s, looser "
-        "limits, or more {}",
+        "limits, or {}",
         best.worst_constraint, 100 * best.constraint_violation, ToString(best.end),
-        problem.robust ? "robust.samples or robust.generations"
-                       : "search.max_samples or solver.max_evaluations");
+        problem.space    ? "another --seed"
+        : problem.robust ? "more robust.samples or robust.generations"
+                         : "more search.max_samples or solver.max_evaluations");
   }
   if (best.core_reached) {
     return fmt::format(
         "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
-        "use a larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
-        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact().d_on_m);
+        "use a larger contact.stiffness_n_per_m or contact.d_on_m, or {}",
+        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact().d_on_m,
+        problem.space ? "another --seed" : "more search.max_samples");
   }
   return ToString(best.end);
 }

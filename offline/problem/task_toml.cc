@@ -433,10 +433,20 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
 
 Task TaskOf(const PrimitiveFile& file, TaskSpaces takes) {
   const Provenance& from = file.provenance;
-  Task task = Parse(from.task_toml, from.task_file, from.robot_urdf, from.robot_file,
-                    StartPose{&file.entry, &file.primitive,
-                              fmt::format("the entry of '{}'", file.primitive.name.view()), true},
-                    takes);
+  const std::string_view name = file.primitive.name.view();
+  const auto parse = [&] {
+    try {
+      return Parse(
+          from.task_toml, from.task_file, from.robot_urdf, from.robot_file,
+          StartPose{&file.entry, &file.primitive, fmt::format("the entry of '{}'", name), true},
+          takes);
+    } catch (const FileError& error) {
+      // Files and lines are those of the texts in the primitive.
+      throw FileError(fmt::format("primitive '{}'", name), 0, "provenance",
+                      fmt::format("of the texts in it, {}", error.what()));
+    }
+  };
+  Task task = parse();
   // The task may have left it to the search.
   task.problem.duration_s = file.primitive.duration_s;
   task.start_file = from.start_file;

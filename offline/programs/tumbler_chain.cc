@@ -40,6 +40,7 @@ struct Arguments {
 /// Prints a table of what was compared at every edge: for each quantity, the largest of all joints.
 ExitStatus Check(const Arguments& arguments) {
   const SequenceFile file = ReadSequence(arguments.sequence);
+  fmt::print(stderr, "{}", EditNotes(arguments.sequence, file.primitives));
   const std::vector<JoinComparison> comparisons = CompareJoins(file);
   fmt::print("{:<40} {:<38} {:<10} {:>12} {:>12}\n", "join", "quantity", "largest at", "apart",
              "allowed");
@@ -165,6 +166,7 @@ ExitStatus Simulate(const Arguments& arguments) {
   std::vector<std::string> inputs;
   const SimulatedMotion motion(LoadSequence(arguments.sequence, NotingReader(inputs)),
                                TaskSpaces::kPlaneAndSpace);
+  fmt::print(stderr, "{}", EditNotes(arguments.sequence, motion.file().primitives));
   const bool in_space = motion.problem().space.has_value();
   std::vector<std::string> outputs = {arguments.json};
   if (!arguments.report.empty()) outputs.push_back(PagePath(arguments.report));

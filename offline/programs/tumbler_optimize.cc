@@ -19,6 +19,7 @@
 #include "common/files/command_line.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
+#include "common/files/sequence_toml.h"
 #include "common/files/toml_reader.h"
 #include "offline/certify/result_json.h"
 #include "offline/certify/result_text.h"
@@ -65,10 +66,17 @@ struct Arguments {
 /// Evaluations with which a solve converges. The shipped tasks need 100 (roll) to 1200 (handstand).
 constexpr int kEvaluationsToConverge = 2000;
 
+/// Loads a primitive, and says whether it was changed by hand.
+PrimitiveFile LoadNoting(const std::string& path) {
+  PrimitiveFile file = LoadPrimitive(path);
+  fmt::print(stderr, "{}", EditNotes(path, {&file, 1}));
+  return file;
+}
+
 Task Load(const Arguments& arguments, const std::string& path) {
   Task task = arguments.start_from.empty()
                   ? LoadTask(path, TaskSpaces::kPlaneAndSpace)
-                  : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
+                  : LoadTask(path, LoadNoting(arguments.start_from), arguments.start_from);
   if (!arguments.posterior.empty()) {
     const PosteriorFile known = LoadPosterior(arguments.posterior);
     if (!task.problem.robust) {
@@ -86,10 +94,10 @@ Task Load(const Arguments& arguments, const std::string& path) {
     TuneTo(known, {}, task);
   }
   Problem& problem = task.problem;
-  if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
+  if (!arguments.guess.empty()) TakeGuess(task, LoadNoting(arguments.guess), arguments.guess);
   CheckGuess(task);
   for (const std::string& other : arguments.complement)
-    TakeComplement(task, LoadPrimitive(other), other);
+    TakeComplement(task, LoadNoting(other), other);
   if (arguments.seed) problem.search.seed = *arguments.seed;
   if (arguments.prove || arguments.minima > 0) problem.solver.prove = true;
   if (arguments.minima > 0) {
@@ -161,7 +169,8 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   const auto drop = [&] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
                arguments.keep_best ? "no motion was found so far: " + result.cause
-                                   : "the best motion so far is dropped (--keep-best keeps it)");
+                                   : "what was found so far is dropped (--keep-best keeps a "
+                                     "motion that is as asked)");
     return ExitStatus::kInterrupted;
   };
   if (result.outcome.interrupted) {

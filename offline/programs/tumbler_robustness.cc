@@ -175,10 +175,10 @@ void Check(Arguments& arguments) {
   }
   std::vector<std::string> motions;
   const SequenceFile motion = LoadMotion(study.motion, NotingReader(motions));
+  fmt::print(stderr, "{}", EditNotes(study.motion, motion.primitives));
   inputs.insert(inputs.end(), motions.begin(), motions.end());
   const std::string page = arguments.report.empty() ? "" : PagePath(arguments.report);
   std::vector<std::string> outputs = {arguments.json, arguments.plan.checkpoint, page};
-  if (arguments.report != page) outputs.push_back(arguments.report);  // The folder of the page.
   CheckDistinct(inputs, outputs);
   if (!arguments.branch.empty()) study.run.branch = motion.graph.FindBranch(arguments.branch);
   CheckWay(arguments, motion);
@@ -323,7 +323,9 @@ void CheckSpaceOptions(const CommandLine& line) {
 
 ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
   CheckSpaceOptions(line);
-  CheckWay(arguments, LoadMotion(arguments.study.motion));
+  const SequenceFile motion = LoadMotion(arguments.study.motion);
+  fmt::print(stderr, "{}", EditNotes(arguments.study.motion, motion.primitives));
+  CheckWay(arguments, motion);
   SpaceStudy study;
   study.motion = arguments.study.motion;
   study.cycles = arguments.study.run.cycles;
@@ -353,7 +355,7 @@ ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
   }
   fmt::print(arguments.json == "-" ? stderr : stdout, "{}", ToText(*result));
   WriteJson(arguments.json, ToJson(*result));
-  return ExitStatus::kDone;
+  return result->Unjudged() > 0 ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
 ExitStatus Main(int argc, char** argv) {

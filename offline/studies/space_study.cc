@@ -195,7 +195,9 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
     std::vector<PlayedRobot<Spatial>> robots;
     for (int k = kPacket * i; k < std::min(kPacket * (i + 1), study.robots); ++k)
       robots.push_back(in_space::RobotOf(motions, study, k));
-    std::ranges::move(TryInSpace(motions.played(), robots), &trials[Index(kPacket * i)]);
+    std::vector<SpaceTrial> tried = TryInSpace(motions.played(), robots, study.interrupt);
+    if (study.interrupt != nullptr && *study.interrupt) return;
+    std::ranges::move(tried, &trials[Index(kPacket * i)]);
     std::fill_n(&played[Index(kPacket * i)], robots.size(), 1);
     const std::lock_guard<std::mutex> lock(mutex);
     known += static_cast<int>(robots.size());
@@ -211,13 +213,17 @@ SpaceStudyResult RunSpaceStudy(const SpaceStudy& study) {
 
 Share SpaceStudyResult::share() const {
   const auto count = std::ranges::count_if(trials, &SpaceTrial::as_asked);
-  return ShareOf(static_cast<int>(count), static_cast<int>(trials.size()));
+  return ShareOf(static_cast<int>(count), static_cast<int>(trials.size()) - Unjudged());
+}
+
+int SpaceStudyResult::Unjudged() const {
+  return static_cast<int>(std::ranges::count(trials, false, &SpaceTrial::judged));
 }
 
 namespace in_space {
 namespace {
 
-bool Misses(const JudgedTarget& judged) { return !judged.met().value_or(false); }
+bool Misses(const JudgedTarget& judged) { return judged.met() == false; }
 
 /// The first motion in which a robot fails; one past the last: none.
 std::size_t FirstFailed(const SpaceStudyResult& result, const SpaceTrial& trial) {
@@ -286,13 +292,20 @@ bool IsMotionInSpace(const std::string& path) {
 std::string ToText(const SpaceStudyResult& result) {
   const SpaceStudy& study = result.study;
   std::string text = fmt::format(
-      "{}: {} as asked\n  through drives of {} N m/rad and {} N m s/rad, setpoints every {:.3g} "
-      "ms, spreads x {}, seed {}{}{}; no protocol, executor or bus is simulated\n",
-      study.motion, ToText(result.share()), result.gains.kp_nm_per_rad,
-      result.gains.kd_nm_s_per_rad, 1e3 * study.period_s, study.scale, study.seed,
-      study.hold_s > 0 ? fmt::format(", held for {:.3g} s more", study.hold_s) : "",
+      "{}: {}\n  through drives of {} N m/rad and {} N m s/rad, setpoints every {:.3g} "
+      "ms, the usual friction and delay, spreads x {}, seed {}{}{}; no protocol, executor or bus "
+      "is "
+      "simulated\n",
+      study.motion,
+      result.share().of == 0 ? "no robot was judged" : ToText(result.share()) + " as asked",
+      result.gains.kp_nm_per_rad, result.gains.kd_nm_s_per_rad, 1e3 * study.period_s, study.scale,
+      study.seed, study.hold_s > 0 ? fmt::format(", held for {:.3g} s more", study.hold_s) : "",
       study.push_n > 0 ? fmt::format(", pushed from any side with {:.3g} N for 0.1 s", study.push_n)
                        : "");
+  if (const int unjudged = result.Unjudged(); unjudged > 0) {
+    text += fmt::format(
+        "  {} NOT JUDGED, in no share: an axis of which a heading is asked had none\n", unjudged);
+  }
   const std::vector<int> failed = result.FailedIn();
   const bool sequence = result.motions.size() > 1;
   for (std::size_t motion = 0; motion < failed.size(); ++motion) {
@@ -303,6 +316,10 @@ std::string ToText(const SpaceStudyResult& result) {
       if (missed.motion == motion && missed.robots > 0)
         text += fmt::format("    {} miss {}\n", missed.robots, missed.of);
     }
+    const auto lost = std::ranges::count_if(result.trials, [motion](const SpaceTrial& trial) {
+      return !trial.finite && trial.ended_in == motion;
+    });
+    if (lost > 0) text += fmt::format("    {} leave every plausible range\n", lost);
   }
   return text;
 }
@@ -326,7 +343,8 @@ Json ToJson(const SpaceStudyResult& result) {
   }
   return {{"motion", result.study.motion},
           {"where", "model in space, through drives"},
-          {"robots", share.of},
+          {"robots", static_cast<int>(result.trials.size())},
+          {"judged", share.of},
           {"as_asked", share.count},
           {"share", share.value()},
           {"share_95_low", share.low},

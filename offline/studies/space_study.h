@@ -54,8 +54,10 @@ struct SpaceStudyResult {
 
   /// What became of a robot in words; empty where all motions are as asked.
   [[nodiscard]] std::string ReasonOf(const SpaceTrial& trial) const;
-  /// Of robots on which all motions are as asked.
+  /// Of the robots that were judged, those on which all motions are as asked.
   [[nodiscard]] Share share() const;
+  /// How many robots were not judged: a heading that was asked for was none.
+  [[nodiscard]] int Unjudged() const;
   /// How many robots fail in each of the motions. They are not played on from there.
   [[nodiscard]] std::vector<int> FailedIn() const;
   struct Missed {

@@ -117,13 +117,7 @@ void TellUnusedDrives(const RunOptions& options, const std::vector<std::string>&
 RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read,
                    const FileReader& read_drives) {
   RunParts parts = LoadRunMotion(options.motion, read);
-  for (const PrimitiveFile& file : parts.file.primitives) {
-    if (file.provenance.edited.empty()) continue;
-    fmt::print(
-        stderr,
-        "{}: warning: primitive '{}' was changed by hand after it was made and verified: {}\n",
-        options.motion, file.primitive.name.view(), file.provenance.edited);
-  }
+  fmt::print(stderr, "{}", EditNotes(options.motion, parts.file.primitives));
   if (simulation != nullptr && options.drives.empty() && !options.twin.empty())
     options.drives = simulation->drives_file_of(options.twin);
   CheckOptions(options, parts.sequence->graph);

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tests/support/files.h"
 
@@ -27,6 +28,19 @@ TEST(ResultFile, ACheckOfAFolderLeavesNothingBehindWheneverTheProgramIsEnded) {
   std::filesystem::create_directory(folder.path() / "seen");
   EXPECT_GT(read(watch, events.data(), events.size()), 0) << "the watch sees nothing";
   close(watch);
+}
+
+TEST(ResultFile, ANameThatCannotBeAFilesIsRefusedBeforeAnythingIsDone) {
+  const testing::TemporaryFolder folder;
+  EXPECT_THROW(CheckWritable(folder / "motion/"), FileError);
+  const std::string motion = folder / "out/motion.toml";
+  for (const std::vector<std::string>& outputs :
+       {std::vector{motion, motion + "/page/index.html"},
+        std::vector{motion + "/page/index.html", motion}}) {
+    EXPECT_THROW(CheckDistinct({}, outputs), FileError);
+  }
+  CheckDistinct({}, {motion, folder / "out/motion.html", folder / "out/motion.toml.json"});
+  EXPECT_TRUE(folder.Listing().empty());
 }
 
 TEST(ResultFile, FilesThatBelongTogetherAppearAllOrNone) {

@@ -1167,12 +1167,14 @@ TEST(RobustnessProgram, ARobotThatMayGetUpIsNotPushed) {
 
 TEST(RobustnessProgram, PutsNoResultInThePlaceOfAnother) {
   const testing::TemporaryFolder folder;
-  for (const std::string& json : {folder / "page/index.html", folder / "page"}) {
+  for (const auto& [json, why] :
+       {std::pair(folder / "page/index.html", "is named for two results"),
+        std::pair(folder / "page", "/page', which is a result, too, and no folder")}) {
     const testing::Outcome outcome =
         testing::RunProgram({"tumbler robustness", testing::SourcePath("primitives/handstand.toml"),
                              "--robots", "1", "--report", folder / "page", "--json", json});
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
-    EXPECT_NE(outcome.text.find("is named for two results"), std::string::npos) << outcome.text;
+    EXPECT_NE(outcome.text.find(why), std::string::npos) << outcome.text;
     EXPECT_FALSE(std::filesystem::exists(folder / "page"));
   }
 }

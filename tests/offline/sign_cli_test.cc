@@ -67,8 +67,16 @@ TEST_F(EditedPrimitive, OnceSignedItIsPlayedWithAWarning) {
   EXPECT_THAT(ReadFile(file_), HasSubstr("\npeak_torque_nm = 1"));
   const Outcome run = RunProgram({"tumbler run", "sim", file_});
   EXPECT_EQ(run.exit_code, 0) << run.text;
-  EXPECT_THAT(run.text, HasSubstr("warning: primitive 'handstand' was changed by hand after it was "
-                                  "made and verified: a stronger motor"));
+  constexpr const char* kWarning =
+      "warning: primitive 'handstand' was changed by hand after it was made and verified: a "
+      "stronger motor";
+  EXPECT_THAT(run.text, HasSubstr(kWarning));
+  const std::string task = testing::SourcePath("primitives/tasks/nominal/downstand.toml");
+  for (const std::vector<std::string>& others :
+       {std::vector<std::string>{"tumbler robustness", file_, "--robots", "1", "--lanes"},
+        {"tumbler optimize", task, "--start-from", file_, "--out", task}}) {
+    EXPECT_THAT(RunProgram(others).text, HasSubstr(kWarning)) << others[0];
+  }
   const Outcome unchanged = RunProgram({"tumbler run", "sim", folder_ / "downstand.toml"});
   EXPECT_THAT(unchanged.text, Not(HasSubstr("changed by hand")));
 }

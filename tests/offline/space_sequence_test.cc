@@ -6,11 +6,14 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <numbers>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "common/files/primitive_hash.h"
@@ -292,6 +295,37 @@ TEST(ChainInSpace, AMissedPurposeIsAFailureByNameAndAmount) {
   EXPECT_THAT(outcome.failure->text, AllOf(HasSubstr("base_link"), HasSubstr("MISSED")));
 }
 
+/// Of a base that stays level there is no heading of what is vertical in it.
+void AskForNoHeading(PurposeFigure& figure) {
+  figure.of = PurposeTarget::Of::kHeading;
+  figure.in_space = figure.along = {0, 0, 1};
+  figure.target = figure.result = 0;
+}
+
+TEST(ChainInSpace, AnErrorInTheTextsOfAPrimitiveNamesThePrimitive) {
+  std::vector<PrimitiveFile> files = DownAndUp();
+  std::string& text = files[1].provenance.task_toml;
+  text = Replaced(text, "term = \"effort\"", "term = \"effortless\"");
+  try {
+    (void)TaskOf(files[1], TaskSpaces::kPlaneAndSpace);
+    ADD_FAILURE() << "was taken";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("primitive 'up': provenance: of the texts in it, "),
+                                    HasSubstr("'effortless'")));
+  }
+}
+
+TEST(ChainInSpace, AHeadingThatIsNoneIsNotJudged) {
+  std::vector<PrimitiveFile> files = DownAndUp();
+  AskForNoHeading(files[1].purpose[2]);
+  const ChainOutcome outcome = SimulateChain(Bends(files), Cycles(1));
+  EXPECT_FALSE(outcome.failure) << outcome.failure->text;
+  EXPECT_EQ(outcome.CountJudged().judged, 5);
+  const JudgedTarget& judged = outcome.passages[1].purpose[2];
+  EXPECT_FALSE(judged.met());
+  EXPECT_THAT(judged.Verdict(), HasSubstr("not judged, the axis points along"));
+}
+
 TEST(ChainInSpace, AnExitTiltedOtherwiseThanRecordedIsAFailure) {
   std::vector<PrimitiveFile> files = DownAndUp();
   files[0].exit.root_quaternion = {std::cos(0.1), std::sin(0.1), 0, 0};
@@ -505,6 +539,40 @@ TEST(SpaceStudyResult, SaysThatARobotLeftEveryRangeInTheMotionInWhichItDid) {
     result.trials.push_back({.finite = false, .purpose = {unknown}, .ended_in = motion});
   EXPECT_THAT(result.FailedIn(), ::testing::ElementsAre(1, 1, 1));
   EXPECT_THAT(result.ReasonOf(result.trials[0]), HasSubstr("lie: its state left every plausible"));
+}
+
+TEST_F(SequenceOnRobots, OfWhichAHeadingIsNoneAreInNoShare) {
+  std::vector<PrimitiveFile> files = DownAndUp();
+  AskForNoHeading(files[1].purpose[2]);
+  SpaceStudy study = Nominal(Write(files));
+  study.cycles = 1;
+  study.robots = 2;
+  const SpaceStudyResult result = RunSpaceStudy(study);
+  EXPECT_EQ(result.Unjudged(), 2);
+  EXPECT_EQ(result.share().of, 0);
+  EXPECT_THAT(result.FailedIn(), ::testing::ElementsAre(0, 0));
+  EXPECT_THAT(ToText(result),
+              AllOf(HasSubstr("no robot was judged"), HasSubstr("2 NOT JUDGED, in no share"),
+                    ::testing::Not(HasSubstr("miss"))));
+  EXPECT_EQ(testing::RunProgram({"tumbler robustness", study.motion, "--cycles", "1", "--robots",
+                                 "1", "--scale", "0"})
+                .exit_code,
+            4);
+}
+
+TEST_F(SequenceOnRobots, EndAtOnceWhenInterrupted) {
+  SpaceStudy study = Nominal(Write(DownAndUp()));
+  study.hold_s = 3600;  // hours of CPU
+  study.cycles = 1;
+  std::atomic<bool> interrupt = false;
+  study.interrupt = &interrupt;
+  std::thread asks([&interrupt] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    interrupt = true;
+  });
+  const SpaceStudyResult result = RunSpaceStudy(study);
+  asks.join();
+  EXPECT_TRUE(result.trials.empty());
 }
 
 TEST_F(SequenceOnRobots, SaysInWhichMotionTheyFailAndPlaysThemNoFurther) {
