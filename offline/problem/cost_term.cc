@@ -42,7 +42,8 @@ constexpr std::array kTermKeys = {
         "term", kPlanarKinds,
         "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2")
         .Required(),
-    KeyOf<&CostTerm::weight, CostEntry>("weight", {-1e9, 1e9}, "")
+    KeyOf<&CostTerm::weight, CostEntry>("weight", {-1e9, 1e9},
+                                        "0: nothing is asked for, nor in the purpose")
         .Required()
         .Allowed("-1e9 to 1e9; not negative for `terminal` and `effort`"),
 };

@@ -153,7 +153,8 @@ constexpr std::array kTermKeys = {
         "the work of the motors [J], which between rests of one height is what turns into heat, as "
         "where feet slide; weight times the [slip](#slip) of contacts that carry weight [m]")
         .Required(),
-    KeyOf<&CostTerm::weight, SpaceCostEntry>("weight", {-1e9, 1e9}, "")
+    KeyOf<&CostTerm::weight, SpaceCostEntry>("weight", {-1e9, 1e9},
+                                             "0: nothing is asked for, nor in the purpose")
         .Required()
         .Allowed("-1e9 to 1e9; negative for `terminal-linear` alone"),
 };
