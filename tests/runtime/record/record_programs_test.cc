@@ -52,8 +52,8 @@ TEST_P(RecordOfProtocol, ReplaysIdentically) {
   EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
   const Outcome info = Run("tumbler record " + record_);
   EXPECT_EQ(info.exit_code, 0);
-  EXPECT_THAT(info.text, HasSubstr("complete: completed; 3 motions, 1 complete cycles; the robot "
-                                   "where it should be after each; last, roll: "));
+  EXPECT_THAT(info.text, HasSubstr("complete: completed; 4 motions, 1 complete cycles; the robot "
+                                   "where it should be after each; last, roll"));
   EXPECT_THAT(info.text, HasSubstr("holds " + drives));
 }
 
