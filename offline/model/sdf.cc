@@ -117,6 +117,8 @@ class SdfFile {
     config.SetUnrecognizedElementsPolicy(sdf::EnforcementPolicy::WARN);
     config.SetFindCallback([this](const std::string& uri) { return Find(uri); });
     const SdfConsole console;
+    int includes = 0;
+    CheckIncludes(absolute_, config, {}, includes);
     // A path that is not absolute is one of the library's own files, if it has such a one.
     const sdf::Errors errors = root_.Load(absolute_.string(), config);
     const std::vector<std::string> said = console.Messages();
@@ -146,6 +148,66 @@ class SdfFile {
  private:
   [[nodiscard]] std::string NameOf(const std::string& file) const {
     return file.empty() || file == absolute_ ? path_ : file;
+  }
+
+  /// The library reads files that include themselves until its stack is full, and those that
+  /// include many that include many until the memory is.
+  /// @param above  the files that include this one.
+  /// @param total  is counted up.
+  void CheckIncludes(const std::filesystem::path& file,  // NOLINT(misc-no-recursion)
+                     const sdf::ParserConfig& config, std::vector<std::filesystem::path> above,
+                     int& total) const {
+    constexpr int kMostIncludes = 1000;
+    std::error_code none;
+    above.push_back(std::filesystem::weakly_canonical(file, none));
+    for (const auto& [line, uri] : IncludesOf(ReadTextFile(file.string()))) {
+      std::string found = sdf::findFile(uri, true, true, config);
+      if (std::filesystem::is_directory(found, none)) found = sdf::getModelFilePath(found);
+      if (!std::filesystem::is_regular_file(found, none)) continue;  // The library says so.
+      if (std::find(above.begin(), above.end(), std::filesystem::weakly_canonical(found, none)) !=
+          above.end()) {
+        throw FileError(NameOf(file.string()), line, "<include>",
+                        fmt::format("'{}' leads back to this file; allowed: files that do not "
+                                    "include themselves",
+                                    uri));
+      }
+      if (++total > kMostIncludes) {
+        throw FileError(NameOf(file.string()), line, "<include>",
+                        fmt::format("there are more than {} of them in all", kMostIncludes));
+      }
+      CheckIncludes(found, config, above, total);
+    }
+  }
+
+  /// Lines and URIs of `<include>` elements.
+  static std::vector<std::pair<std::uint32_t, std::string>> IncludesOf(const std::string& text) {
+    constexpr std::string_view kComment = "<!--", kInclude = "<include", kUri = "<uri>";
+    std::vector<std::pair<std::uint32_t, std::string>> found;
+    std::uint32_t line = 1;
+    bool included = false;
+    for (std::size_t at = 0; at < text.size(); ++at) {
+      const std::string_view rest = std::string_view(text).substr(at);
+      if (rest.front() == '\n') ++line;
+      if (rest.front() != '<') continue;
+      if (rest.starts_with(kComment)) {
+        const std::size_t end = std::min(text.find("-->", at), text.size());
+        line += static_cast<std::uint32_t>(
+            std::count(text.begin() + static_cast<std::ptrdiff_t>(at),
+                       text.begin() + static_cast<std::ptrdiff_t>(end), '\n'));
+        at = end;
+      } else if (rest.starts_with(kInclude)) {
+        included = true;
+      } else if (included && rest.starts_with(kUri)) {
+        const std::string_view uri = rest.substr(kUri.size(), rest.find('<', 1) - kUri.size());
+        const std::size_t first = uri.find_first_not_of(" \t\r\n");
+        if (first != std::string_view::npos) {
+          found.emplace_back(
+              line, std::string(uri.substr(first, uri.find_last_not_of(" \t\r\n") + 1 - first)));
+        }
+        included = false;
+      }
+    }
+    return found;
   }
 
   /// A file or folder of a URI; empty: there is none.
@@ -343,16 +405,13 @@ class SdfConverter {
     }
     NoteWhatIsLeftOut(at);
     for (const auto& [kind, names] : left_out_) {
-      std::string list;
-      for (const std::string& name : names) {
-        if (name.empty()) continue;
-        list += fmt::format("{}'{}'", list.empty() ? ": " : ", ", name);
-      }
-      Note(fmt::format("left out: {} ({}){}", kind, names.size(), list));
+      const std::string named = Named(names);
+      Note(fmt::format("left out: {} ({}){}{}", kind, names.size(), named.empty() ? "" : ": ",
+                       named));
     }
     if (!without_inertial_.empty()) {
-      Note(fmt::format("without <inertial>, for which SDF has 1 kg and 1 kg m^2: '{}'",
-                       fmt::join(without_inertial_, "', '")));
+      Note(fmt::format("without <inertial>, for which SDF has 1 kg and 1 kg m^2: {}",
+                       Named(without_inertial_)));
     }
     if (without_velocity_ > 0 && !velocity_) {
       Note(
@@ -381,6 +440,17 @@ class SdfConverter {
   };
 
   void Note(std::string note) { file_.notes.push_back(std::move(note)); }
+
+  /// The first names of a list; those that are empty are none.
+  static std::string Named(std::vector<std::string> names) {
+    constexpr std::size_t kShown = 8;
+    names.erase(std::remove(names.begin(), names.end(), ""), names.end());
+    const std::size_t shown = std::min(kShown, names.size()), more = names.size() - shown;
+    names.resize(shown);
+    if (names.empty()) return "";
+    return fmt::format("'{}'{}", fmt::join(names, "', '"),
+                       more > 0 ? fmt::format(" and {} more", more) : "");
+  }
 
   void CheckPose(const sdf::Errors& errors, const sdf::ElementPtr& at,
                  const std::string& key) const {

@@ -30,7 +30,7 @@ bool IsSdf(const std::string& path);
 /// `model://`, and never in a network. A mesh of `model://` is one of `package://`.
 /// @param velocity  the limit of joints that have none [rad/s, m/s].
 /// @throws FileError  with line and name: the library does not take the file, there is no
-/// model, a number is not finite, or links and joints are not one tree.
+/// model, a file includes itself, a number is not finite, or links and joints are not one tree.
 /// @throws std::runtime_error  when this build has no libsdformat.
 TranslatedRobot ReadSdf(const std::string& path, std::optional<double> velocity);
 

@@ -437,6 +437,39 @@ TEST(Sdf, AnIncludeIsLookedForInFoldersAloneAndBadOnesAreRefused) {
   }
 }
 
+TEST(Sdf, FilesThatIncludeThemselvesOrTooManyAreRefused) {
+  const testing::TemporaryFolder folder;
+  const auto include = [](const std::string& file) {
+    return "<include><uri> " + file + " </uri></include>\n";
+  };
+  const auto refusal = [&] {
+    try {
+      return ReadSdf(folder / "robot.sdf", 1.0).urdf;
+    } catch (const FileError& error) {
+      return std::string(error.what());
+    }
+  };
+  testing::WriteFile(folder / "robot.sdf", Model("<link name='b'/>\n" + include("other.sdf")));
+  testing::WriteFile(folder / "other.sdf", Model("<!-- \n -->" + include("robot.sdf")));
+  EXPECT_THAT(refusal(), HasSubstr("other.sdf:4: <include>: 'robot.sdf' leads back to this file"));
+  // Ten of each, three deep.
+  std::string ten;
+  for (int k = 0; k < 10; ++k) ten += include("NEXT.sdf");
+  for (const auto& [file, next] :
+       {std::pair("robot", "a"), std::pair("a", "b"), std::pair("b", "c")}) {
+    std::string text = ten;
+    for (std::size_t at = 0; (at = text.find("NEXT")) != std::string::npos;)
+      text.replace(at, 4, next);
+    testing::WriteFile(folder / (std::string(file) + ".sdf"), Model(text));
+  }
+  testing::WriteFile(folder / "c.sdf", Model("<link name='c'/>"));
+  EXPECT_THAT(refusal(), HasSubstr("<include>: there are more than 1000 of them in all"));
+  // One that is commented out is none.
+  testing::WriteFile(folder / "robot.sdf",
+                     Model("<link name='b'/><!-- " + include("robot.sdf") + "-->"));
+  EXPECT_THAT(refusal(), HasSubstr("<robot name=\"m\">"));
+}
+
 TEST(Sdf, WhatIsNoTreeIsRefusedByNameAndLine) {
   const std::string links = "<link name='x'/>\n<link name='y'/>\n<link name='z'/>\n";
   EXPECT_THAT(
