@@ -160,7 +160,18 @@ class SdfFile {
     constexpr int kMostIncludes = 1000;
     std::error_code none;
     above.push_back(std::filesystem::weakly_canonical(file, none));
-    for (const auto& [line, uri] : IncludesOf(ReadTextFile(file.string()))) {
+    const std::string text = ReadTextFile(file.string());
+    // A URDF may have as many, for 900 of which the library takes 2 s.
+    constexpr int kMostLinks = 1000;
+    int links = 0;
+    for (std::size_t at = text.find("<link "); at != std::string::npos;
+         at = text.find("<link ", at + 1))
+      ++links;
+    if (links > kMostLinks) {
+      throw FileError(NameOf(file.string()), 0, "",
+                      fmt::format("has {} links; allowed: at most {}", links, kMostLinks));
+    }
+    for (const auto& [line, uri] : IncludesOf(text)) {
       std::string found = sdf::findFile(uri, true, true, config);
       if (std::filesystem::is_directory(found, none)) found = sdf::getModelFilePath(found);
       if (!std::filesystem::is_regular_file(found, none)) continue;  // The library says so.

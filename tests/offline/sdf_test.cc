@@ -515,6 +515,9 @@ TEST(Sdf, BadFilesAreRefusedByLineAndInTheLibrarysWords) {
        "lacks <axis>"},
       {Model("<link name='x'/>\n" + Fixed("j", "x", "absent")), "robot.sdf:4: "},
   };
+  std::string many;
+  for (int k = 0; k < 1001; ++k) many += fmt::format("<link name='l{}'/>", k);
+  EXPECT_THAT(RefusalOf(Model(many)), HasSubstr("has 1001 links; allowed: at most 1000"));
   for (const auto& [text, message] : bad) EXPECT_THAT(RefusalOf(text), HasSubstr(message)) << text;
 }
 
