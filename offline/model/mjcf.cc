@@ -3,9 +3,8 @@
 #include <fmt/format.h>
 
 #include <stdexcept>
+#include <utility>
 
-#include "common/core/functions.h"
-#include "common/files/markup.h"
 #include "common/files/toml_reader.h"
 
 #ifdef TUMBLER_WITH_MUJOCO
@@ -37,11 +36,6 @@ Model Load(const std::string& path) {
   return model;
 }
 
-std::string Text(double value) { return fmt::format("{}", value == 0 ? 0.0 : value); }
-std::string Text(const SpaceVector& v) {
-  return fmt::format("{} {} {}", Text(v.x()), Text(v.y()), Text(v.z()));
-}
-
 /// The numbers of an object in one of MuJoCo's arrays, `size` for each.
 template <int size, class Number>
 const Number* Row(const Number* all, int object) {
@@ -51,12 +45,10 @@ const Number* Row(const Number* all, int object) {
 class Converter {
  public:
   Converter(const mjModel& model, std::optional<double> velocity)
-      : m_(model), velocity_(velocity) {}
+      : m_(model), velocity_(velocity), urdf_(std::string(model.names)) {}
 
-  MjcfRobot Convert() {
+  TranslatedRobot Convert() {
     const int root = FreeRoot();
-    urdf_ = fmt::format("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n",
-                        MarkupText(m_.names[0] == 0 ? "robot" : std::string(m_.names)));
     for (int body = 0; body < m_.nbody; ++body) {
       if (root > 0 && body == 0) {
         if (m_.body_geomnum[0] > 0) Note("shapes of the world are left out");
@@ -68,12 +60,11 @@ class Converter {
         AddBody(body);
       }
     }
-    urdf_ += "</robot>\n";
     if (m_.neq > 0) Note(fmt::format("{} equality constraints are left out", m_.neq));
     if (m_.ntendon > 0) Note(fmt::format("{} tendons are left out", m_.ntendon));
     if (!velocity_)
       Note("MJCF has no limits of velocity, which a task needs: --velocity gives them");
-    return {std::move(urdf_), std::move(notes_)};
+    return {urdf_.Finish(), std::move(notes_)};
   }
 
  private:
@@ -104,19 +95,6 @@ class Converter {
     return fmt::format("{}{}", kind == mjOBJ_BODY ? "body" : "joint", id);
   }
 
-  static std::string Origin(const SpaceVector& xyz, const SpaceMatrix& R) {
-    const double pitch = portable::Atan2(-R(2, 0), portable::Length(R(0, 0), R(1, 0)));
-    double roll = 0, yaw = 0;
-    if (portable::Length(R(0, 0), R(1, 0)) > 1e-9) {
-      roll = portable::Atan2(R(2, 1), R(2, 2));
-      yaw = portable::Atan2(R(1, 0), R(0, 0));
-    } else {
-      yaw = portable::Atan2(-R(0, 1), R(1, 1));
-    }
-    return fmt::format("<origin xyz=\"{}\" rpy=\"{}\"/>", Text(xyz),
-                       Text(SpaceVector(roll, pitch, yaw)));
-  }
-
   /// A body's joints, with links without mass between them, and its link. The frame of a link is
   /// that of its body, moved to the joint that carries it.
   void AddBody(int body) {
@@ -128,7 +106,10 @@ class Converter {
     const std::string name = NameOf(mjOBJ_BODY, body);
     SpaceVector origin = SpaceVector::Zero();  // of the link, in the body's frame
     if (m_.body_jntnum[body] == 0) {
-      AddJoint(fmt::format("{}_mount", name), "fixed", above, name, place, turned, "");
+      urdf_.Add({.name = fmt::format("{}_mount", name),
+                 .parent = above,
+                 .child = name,
+                 .place = {turned, place}});
     }
     for (int k = 0; k < m_.body_jntnum[body]; ++k) {
       const int joint = m_.body_jntadr[body] + k;
@@ -138,8 +119,8 @@ class Converter {
       origin = at;
       const bool last = k + 1 == m_.body_jntnum[body];
       const std::string below = last ? name : fmt::format("{}_{}", name, k);
-      if (!last) urdf_ += fmt::format("  <link name=\"{}\"/>\n", MarkupText(below));
-      AddMoving(joint, above, below, place, turned);
+      if (!last) urdf_.Add(UrdfLink{.name = below});
+      AddMoving(joint, above, below, {turned, place});
       above = below;
       place = SpaceVector::Zero();
       turned = SpaceMatrix::Identity();
@@ -147,34 +128,29 @@ class Converter {
     AddLink(body, origin);
   }
 
-  void AddMoving(int joint, const std::string& above, const std::string& below,
-                 const SpaceVector& place, const SpaceMatrix& turned) {
+  void AddMoving(int joint, const std::string& above, const std::string& below, const Pose& place) {
     const std::string name = NameOf(mjOBJ_JOINT, joint);
     const int type = m_.jnt_type[joint];
+    UrdfJoint made{.name = name, .parent = above, .child = below, .place = place};
     if (type == mjJNT_FREE || type == mjJNT_BALL) {
-      AddJoint(name, type == mjJNT_FREE ? "floating" : "ball", above, below, place, turned, "");
+      made.type = type == mjJNT_FREE ? "floating" : "ball";
+      urdf_.Add(made);
       return;
     }
-    const bool limited = m_.jnt_limited[joint] != 0, slides = type == mjJNT_SLIDE;
-    std::string more =
-        fmt::format("    <axis xyz=\"{}\"/>\n    <limit", Text(Vector(Row<3>(m_.jnt_axis, joint))));
-    if (limited || slides) {
-      const mjtNum zero = m_.qpos0[m_.jnt_qposadr[joint]];
-      const double lower = limited ? Row<2>(m_.jnt_range, joint)[0] - zero : -1000;
-      const double upper = limited ? Row<2>(m_.jnt_range, joint)[1] - zero : 1000;
-      more += fmt::format(" lower=\"{}\" upper=\"{}\"", Text(lower), Text(upper));
-    }
-    if (const std::optional<double> effort = EffortOf(joint))
-      more += fmt::format(" effort=\"{}\"", Text(*effort));
-    if (velocity_) more += fmt::format(" velocity=\"{}\"", Text(*velocity_));
     const int dof = m_.jnt_dofadr[joint];
-    more += fmt::format("/>\n    <dynamics damping=\"{}\" friction=\"{}\"/>\n",
-                        Text(m_.dof_damping[dof]), Text(m_.dof_frictionloss[dof]));
-    AddJoint(name,
-             slides    ? "prismatic"
-             : limited ? "revolute"
-                       : "continuous",
-             above, below, place, turned, more);
+    UrdfMotion motion{.slides = type == mjJNT_SLIDE,
+                      .axis = Vector(Row<3>(m_.jnt_axis, joint)),
+                      .effort = EffortOf(joint),
+                      .velocity = velocity_,
+                      .damping = m_.dof_damping[dof],
+                      .friction = m_.dof_frictionloss[dof]};
+    if (m_.jnt_limited[joint] != 0) {
+      const mjtNum zero = m_.qpos0[m_.jnt_qposadr[joint]];
+      const mjtNum* const range = Row<2>(m_.jnt_range, joint);
+      motion.range = {range[0] - zero, range[1] - zero};
+    }
+    made.motion = motion;
+    urdf_.Add(made);
     if (m_.dof_armature[dof] > 0) {
       Note(fmt::format("joint '{0}': armature, for the task: limits.{0}.rotor_inertia_kg_m2 = {1}",
                        name, m_.dof_armature[dof]));
@@ -212,78 +188,61 @@ class Converter {
     return effort;
   }
 
-  void AddJoint(const std::string& name, const char* type, const std::string& above,
-                const std::string& below, const SpaceVector& place, const SpaceMatrix& turned,
-                const std::string& more) {
-    urdf_ += fmt::format(
-        "  <joint name=\"{}\" type=\"{}\">\n    <parent link=\"{}\"/>\n    <child link=\"{}\"/>\n"
-        "    {}\n{}  </joint>\n",
-        MarkupText(name), type, MarkupText(above), MarkupText(below), Origin(place, turned), more);
-  }
-
   void AddLink(int body, const SpaceVector& origin) {
     origins_.resize(static_cast<std::size_t>(m_.nbody), SpaceVector::Zero());
     origins_[static_cast<std::size_t>(body)] = origin;
-    const std::string name = NameOf(mjOBJ_BODY, body);
-    urdf_ += fmt::format("  <link name=\"{}\">\n", MarkupText(name));
+    UrdfLink link{.name = NameOf(mjOBJ_BODY, body)};
     if (body > 0 && m_.body_mass[body] > 0) {
-      const SpaceVector I = Vector(Row<3>(m_.body_inertia, body));
-      urdf_ += fmt::format(
-          "    <inertial>\n      {}\n      <mass value=\"{}\"/>\n      <inertia ixx=\"{}\" "
-          "ixy=\"0\" ixz=\"0\" iyy=\"{}\" iyz=\"0\" izz=\"{}\"/>\n    </inertial>\n",
-          Origin(Vector(Row<3>(m_.body_ipos, body)) - origin,
-                 Rotation(Row<4>(m_.body_iquat, body))),
-          Text(m_.body_mass[body]), Text(I.x()), Text(I.y()), Text(I.z()));
+      link.inertial = {.pose = {Rotation(Row<4>(m_.body_iquat, body)),
+                                Vector(Row<3>(m_.body_ipos, body)) - origin},
+                       .mass_kg = m_.body_mass[body],
+                       .moments = SpaceMatrix::Diagonal(Vector(Row<3>(m_.body_inertia, body)))};
     }
-    for (int k = 0; k < m_.body_geomnum[body]; ++k)
-      AddGeom(m_.body_geomadr[body] + k, name, origin);
-    urdf_ += "  </link>\n";
+    for (int k = 0; k < m_.body_geomnum[body]; ++k) {
+      const int geom = m_.body_geomadr[body] + k;
+      const std::optional<std::string> form = FormOf(geom);
+      if (!form) {
+        Note(fmt::format("link '{}': a plane, height field or ellipsoid is left out", link.name));
+        continue;
+      }
+      link.shapes.push_back(
+          {.collides = m_.geom_contype[geom] != 0 || m_.geom_conaffinity[geom] != 0,
+           .pose = {Rotation(Row<4>(m_.geom_quat, geom)),
+                    Vector(Row<3>(m_.geom_pos, geom)) - origin},
+           .form = *form});
+    }
+    urdf_.Add(link);
   }
 
-  void AddGeom(int geom, const std::string& link, const SpaceVector& origin) {
+  /// None, where a URDF has no such form.
+  [[nodiscard]] std::optional<std::string> FormOf(int geom) const {
     const SpaceVector size = Vector(Row<3>(m_.geom_size, geom));
-    std::string form;
     switch (m_.geom_type[geom]) {
       case mjGEOM_SPHERE:
-        form = fmt::format("<sphere radius=\"{}\"/>", Text(size.x()));
-        break;
+        return SphereForm(size.x());
       case mjGEOM_CAPSULE:
-        form = fmt::format("<capsule radius=\"{}\" length=\"{}\"/>", Text(size.x()),
-                           Text(2 * size.y()));
-        break;
+        return CapsuleForm(size.x(), 2 * size.y());
       case mjGEOM_CYLINDER:
-        form = fmt::format("<cylinder radius=\"{}\" length=\"{}\"/>", Text(size.x()),
-                           Text(2 * size.y()));
-        break;
+        return CylinderForm(size.x(), 2 * size.y());
       case mjGEOM_BOX:
-        form = fmt::format("<box size=\"{}\"/>", Text(2 * size));
-        break;
+        return BoxForm(2 * size);
       case mjGEOM_MESH:
-        form = fmt::format("<mesh filename=\"{}\"/>",
-                           MarkupText(mj_id2name(&m_, mjOBJ_MESH, m_.geom_dataid[geom])));
-        break;
+        return MeshForm(mj_id2name(&m_, mjOBJ_MESH, m_.geom_dataid[geom]));
       default:
-        Note(fmt::format("link '{}': a plane, height field or ellipsoid is left out", link));
-        return;
+        return std::nullopt;
     }
-    const bool collides = m_.geom_contype[geom] != 0 || m_.geom_conaffinity[geom] != 0;
-    const char* const element = collides ? "collision" : "visual";
-    urdf_ += fmt::format(
-        "    <{0}>\n      {1}\n      <geometry>{2}</geometry>\n    </{0}>\n", element,
-        Origin(Vector(Row<3>(m_.geom_pos, geom)) - origin, Rotation(Row<4>(m_.geom_quat, geom))),
-        form);
   }
 
   const mjModel& m_;
   std::optional<double> velocity_;
-  std::string urdf_;
+  UrdfWriter urdf_;
   std::vector<std::string> notes_;
   std::vector<SpaceVector> origins_;  // of each body's link, in the body's frame
 };
 
 }  // namespace
 
-MjcfRobot ReadMjcf(const std::string& path, std::optional<double> velocity) {
+TranslatedRobot ReadMjcf(const std::string& path, std::optional<double> velocity) {
   static_cast<void>(ReadTextFile(path));  // says what is wrong with a file that is none
   const Model model = Load(path);
   return Converter(*model, velocity).Convert();
@@ -295,7 +254,7 @@ MjcfRobot ReadMjcf(const std::string& path, std::optional<double> velocity) {
 
 namespace tumbler {
 
-MjcfRobot ReadMjcf(const std::string& path, std::optional<double> /*velocity*/) {
+TranslatedRobot ReadMjcf(const std::string& path, std::optional<double> /*velocity*/) {
   throw std::runtime_error(fmt::format(
       "{}: this build cannot read MJCF; build it where libmujoco-dev is installed, with "
       "-DTUMBLER_WITH_MUJOCO=ON",

@@ -310,6 +310,12 @@ void ParseXml(const std::string& text, const std::string& file, TiXmlDocument& d
 /// @throws FileError when the document is not a URDF.
 const TiXmlElement& RobotOf(const TiXmlDocument& document, const std::string& file) {
   const TiXmlElement* robot = document.RootElement();
+  if (robot != nullptr && (robot->ValueStr() == "sdf" || robot->ValueStr() == "mujoco")) {
+    FailFile(file, RowOf(*robot), fmt::format("<{}>", robot->ValueStr()),
+             fmt::format("this is {}; make a URDF of it, and take that: tumbler model urdf {} > "
+                         "robot.urdf",
+                         robot->ValueStr() == "sdf" ? "SDF, of Gazebo" : "MJCF, of MuJoCo", file));
+  }
   if (robot == nullptr || robot->ValueStr() != "robot") {
     FailFile(file, robot == nullptr ? 0U : RowOf(*robot), "",
              "not a URDF: the outermost element must be <robot>");

@@ -28,6 +28,7 @@
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
 #include "offline/model/robot_review.h"
+#include "offline/model/sdf.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {
@@ -602,7 +603,8 @@ ExitStatus Hybrid(const Arguments& arguments) {
 ExitStatus Urdf(const Arguments& arguments) {
   std::optional<double> velocity;
   if (arguments.velocity > 0) velocity = arguments.velocity;
-  const MjcfRobot robot = ReadMjcf(arguments.robot, velocity);
+  const TranslatedRobot robot = IsSdf(arguments.robot) ? ReadSdf(arguments.robot, velocity)
+                                                       : ReadMjcf(arguments.robot, velocity);
   for (const std::string& note : robot.notes) fmt::print(stderr, "note: {}\n", Printable(note));
   fmt::print("{}", robot.urdf);
   FlushOutput();
@@ -640,10 +642,10 @@ ExitStatus Main(int argc, char** argv) {
       "Forces stay constant in world axes then, and their points move with the links.\n"
       "Free joints have no force of their own but the damping of the file.");
   CommandLine urdf = line.Subcommand(
-      "urdf", "Writes a robot of MJCF, which MuJoCo reads, as a URDF to standard output");
-  urdf.Option("ROBOT", arguments.robot, "Robot file (MJCF)").Required();
+      "urdf", "Writes a robot of MuJoCo (MJCF) or Gazebo (SDF) as a URDF to standard output");
+  urdf.Option("ROBOT", arguments.robot, "Robot file (MJCF, SDF)").Required();
   urdf.Option("--velocity", arguments.velocity,
-              "Limit of all joints [rad/s, m/s], of which MJCF has none; a task needs one")
+              "Limit of joints that have none [rad/s, m/s], as all of MJCF; a task needs one")
       .Within(1e-3, 1e3);
   for (CommandLine command : {check, hybrid}) {
     command.Option("ROBOT", arguments.robot, "Robot file (URDF)").Required();

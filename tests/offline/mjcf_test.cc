@@ -59,7 +59,7 @@ const char* const kArm = R"(<mujoco model="arm">
 TEST(Mjcf, ARobotOfItMovesAsMuJoCosOwnDynamicsHaveIt) {
   const testing::TemporaryFolder folder;
   testing::WriteFile(folder / "arm.xml", kArm);
-  const MjcfRobot read = ReadMjcf(folder / "arm.xml", 7.0);
+  const TranslatedRobot read = ReadMjcf(folder / "arm.xml", 7.0);
   Robot robot = ParseRobot(read.urdf, "arm.urdf", RootKind::kFixed);
   ASSERT_EQ(robot.tree.dofs.size(), 4U) << read.urdf;
   robot.tree.dofs[3].rotor_inertia_kg_m2 = 0.01;
@@ -94,7 +94,7 @@ TEST(Mjcf, ARobotOfItMovesAsMuJoCosOwnDynamicsHaveIt) {
 TEST(Mjcf, LimitsAndShapesAreThoseOfTheFileAndWhatIsLeftOutIsSaid) {
   const testing::TemporaryFolder folder;
   testing::WriteFile(folder / "arm.xml", kArm);
-  const MjcfRobot read = ReadMjcf(folder / "arm.xml", std::nullopt);
+  const TranslatedRobot read = ReadMjcf(folder / "arm.xml", std::nullopt);
   const Robot robot = ParseRobot(read.urdf, "arm.urdf", RootKind::kFixed);
   EXPECT_EQ(robot.links.front().name, "world");
   EXPECT_EQ(robot.joints[1].limits.lower_rad, -1);
