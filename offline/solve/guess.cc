@@ -15,6 +15,7 @@
 #include "offline/model/least_squares.h"
 #include "offline/problem/link_chains.h"
 #include "offline/problem/start_toml.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/rollout.h"
 
 namespace tumbler {
@@ -285,7 +286,7 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
     guess.push_back(
         std::clamp(file.primitive.duration_s / problem.duration_s, bounds.min, bounds.max));
   }
-  return guess;
+  return FreePaths(problem).Tied(std::move(guess));
 }
 
 void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name) {
