@@ -92,6 +92,7 @@ GaussNewton FreePaths::Reduce(GaussNewton by_x) const {
 }
 
 std::vector<LinearRow> FreePaths::Reduce(std::span<const LinearRow> rows) const {
+  if (!any_tied()) return {rows.begin(), rows.end()};
   std::vector<LinearRow> reduced;
   for (const LinearRow& row : rows) {
     LinearRow by_y = row;

@@ -169,7 +169,7 @@ void CheckSamePath(const Problem& problem, std::span<const double> x, const Prim
         fmt::format(
             "'{}' has a path that the task's differs from by {:.2g} rad; its gains "
             "(robust.feedback.from_guess) are for its own path: give the task the [spline], "
-            "[start] and [end] of that motion",
+            "[start], [end] and [tied] of that motion",
             NameOf(problem, j), most_rad));
   }
 }
