@@ -97,10 +97,10 @@ std::vector<LinearRow> FreePaths::Reduce(std::span<const LinearRow> rows) const 
   for (const LinearRow& row : rows) {
     LinearRow by_y = row;
     by_y.a = ReduceSlopes(row.a);
-    const bool known = any_tied() && std::ranges::any_of(reduced, [&](const LinearRow& other) {
-                         return other.a == by_y.a && other.b == by_y.b &&
-                                (!row.of_free_duration || other.derivative == row.derivative);
-                       });
+    const bool known = std::ranges::any_of(reduced, [&](const LinearRow& other) {
+      return other.a == by_y.a && other.b == by_y.b &&
+             (!row.of_free_duration || other.derivative == row.derivative);
+    });
     if (!known) reduced.push_back(std::move(by_y));
   }
   return reduced;
