@@ -22,6 +22,7 @@
 #include "offline/problem/space_task.h"
 #include "offline/problem/take_free.h"
 #include "offline/solve/forward_sensitivity.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/solve_near.h"
 #include "offline/solve/start_state.h"
 
@@ -237,7 +238,10 @@ std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::v
   GaussNewton model;
   const RolloutResult result = rollout.Run(x, outputs, &model);
   if (!result.finite) return std::nullopt;
-  return FindKktResidual(problem, DerivativeLimitRows(problem), x, result, outputs, &model);
+  const FreePaths paths(problem);
+  model = paths.Reduce(std::move(model));
+  return FindKktResidual(problem, paths, DerivativeLimitRows(problem), x, result,
+                         paths.ReduceSlopes(std::move(outputs)), &model);
 }
 
 MotionSummarizer::MotionSummarizer(const Problem& problem, double refinement)

@@ -497,7 +497,6 @@ std::vector<KeyTable> KeyTables() {
   return {{source, "start", RowsOf(kStartKeys)},
           {source, "cost", Joined({RowsOf(kTermKeys), RowsOf(kQuantityKeys)})},
           {source, "obstacle", obstacles},
-          TiedKeyTable(),
           SpaceRobustKeyTable()};
 }
 

@@ -31,6 +31,7 @@
 #include "offline/problem/start_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_parts.h"
+#include "offline/problem/tied_toml.h"
 
 namespace tumbler {
 namespace {
@@ -98,6 +99,7 @@ class TaskReader {
     ReadBar();
     ReadSpline(root_, problem_);
     ReadEndVelocities(root_, problem_);
+    ReadTied(root_, problem_);
     if (std::optional<TomlTable> table = root_.OptionalTable("mirror"))
       ReadKeys(*table, kMirrorKeys, problem_);
     if (std::optional<TomlTable> table = root_.OptionalTable("contact"))
@@ -296,9 +298,6 @@ Task Parse(const std::string& task_text, const std::string& task_name,
                                     "motions of robots in space have: make it again",
                                     given->from));
     }
-    if (root.Has("tied")) {
-      root.Fail("tied", "is for robots in space so far; leave it out, or make root = \"floating\"");
-    }
     task.problem = TaskReader(std::move(root), ReduceToPlane(in_space), std::move(given)).Read();
   }
   task.task_file = task_name;
@@ -365,6 +364,7 @@ std::vector<KeyTable> TaskKeyTables() {
           RobustKeyTable(),
           RobustFeedbackKeyTable(),
           {source, "mirror", RowsOf(kMirrorKeys)},
+          TiedKeyTable(),
           {source, "search", RowsOf(kSearchKeys)},
           {source, "solver", RowsOf(kSolverKeys)}};
 }

@@ -18,6 +18,11 @@ std::size_t JointNamed(const TomlTable& table, const std::string& name, const Pr
   RequireJoint(table, name, problem);
   const auto found = std::ranges::find_if(
       problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == name; });
+  if (found == problem.joints.end()) {
+    table.Fail(name,
+               "has no motor ([passive]), which could make it follow another joint; leave it out "
+               "here, or out of `passive`");
+  }
   return static_cast<std::size_t>(found - problem.joints.begin());
 }
 
@@ -34,9 +39,11 @@ void RefuseLocked(const TomlTable& table, const std::string& name, const std::st
   });
 }
 
-/// Checks that a joint's path can be the other's, times the factor.
-void CheckCanFollow(const TomlTable& table, const TiedJoint& tied, const Problem& problem) {
-  const ActuatedJoint &joint = problem.joints[tied.joint], &to = problem.joints[tied.to];
+/// Checks that a joint's path can be the other's, times the factor, and makes its ends those of
+/// that path where they differ by a rounding.
+void MakeFollow(const TomlTable& table, const TiedJoint& tied, Problem& problem) {
+  ActuatedJoint& joint = problem.joints[tied.joint];
+  const ActuatedJoint& to = problem.joints[tied.to];
   const std::string &name = problem.name_of(joint), &other = problem.name_of(to);
   if (joint.control_points != to.control_points) {
     table.Fail(name, fmt::format("has {} control points, and '{}', which it is tied to, {}; "
@@ -44,17 +51,21 @@ void CheckCanFollow(const TomlTable& table, const TiedJoint& tied, const Problem
                                  joint.control_points, other, to.control_points));
   }
   constexpr double kSame = 1e-9;
-  const auto check = [&](double value, double of_other, const char* what, const char* unit) {
-    if (std::abs(value - tied.factor * of_other) <= kSame) return;
+  const auto follow = [&](double& value, double of_other, const char* what, const char* unit) {
+    if (value == tied.factor * of_other) return;
+    if (std::abs(value - tied.factor * of_other) <= kSame) {
+      value = tied.factor * of_other;
+      return;
+    }
     table.Fail(name, fmt::format("is tied to '{}{}', and {} is {} {} where that needs {}; give "
                                  "both the same ends, or leave it out",
                                  tied.factor < 0 ? "-" : "", other, what, MessageNumber(value),
                                  unit, MessageNumber(tied.factor * of_other)));
   };
-  check(joint.start_rad, to.start_rad, "its start", "rad");
-  check(joint.end_rad, to.end_rad, "its end", "rad");
-  check(joint.start_rad_s, to.start_rad_s, "its velocity at the start", "rad/s");
-  check(joint.end_rad_s, to.end_rad_s, "its velocity at the end", "rad/s");
+  follow(joint.start_rad, to.start_rad, "its start", "rad");
+  follow(joint.end_rad, to.end_rad, "its end", "rad");
+  follow(joint.start_rad_s, to.start_rad_s, "its velocity at the start", "rad/s");
+  follow(joint.end_rad_s, to.end_rad_s, "its velocity at the end", "rad/s");
 }
 
 }  // namespace
@@ -66,7 +77,7 @@ KeyTable TiedKeyTable() {
             "table: some of the joints, and for each the name of another one that is tied to none, "
             "with a `-` before it where it moves the other way round",
             "joints that move as others do: their starts, ends and control points have to agree, "
-            "and the search looks for the paths of the others alone"}}};
+            "within the limits of both, and the search looks for the paths of the others alone"}}};
 }
 
 void ReadTied(TomlTable& root, Problem& problem) {
@@ -89,7 +100,7 @@ void ReadTied(TomlTable& root, Problem& problem) {
                                     table->String(name)));
     }
     tied.to = JointNamed(*table, to, problem);
-    CheckCanFollow(*table, tied, problem);
+    MakeFollow(*table, tied, problem);
     problem.tied.push_back(tied);
   }
 }

@@ -49,44 +49,51 @@ std::string ParameterName(const Problem& problem, int parameter) {
   return "position of " + JointName(problem, problem.joint_of_parameter(parameter));
 }
 
-/// Those at x.
-std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearRow>& rows,
-                               std::span<const double> x, const RolloutResult& result,
-                               const OutputGradients& outputs) {
-  const Eigen::Index n = static_cast<Eigen::Index>(x.size());
+/// A gradient by what is free of the paths.
+Eigen::VectorXd ByWhatIsFree(const FreePaths& paths, std::span<const double> by_x) {
+  const std::vector<double> by_y = paths.ReduceSlopes(by_x);
+  return Eigen::Map<const Eigen::VectorXd>(by_y.data(), static_cast<Eigen::Index>(by_y.size()));
+}
+
+/// Those at x, with their gradients by what is free of the paths. Of tied joints, what says the
+/// same of several is there once.
+std::vector<Active> FindActive(const Problem& problem, const FreePaths& paths,
+                               const std::vector<LinearRow>& rows, std::span<const double> x,
+                               const RolloutResult& result, const OutputGradients& slopes) {
   std::vector<Active> active;
+  const auto add = [&](Active found) {
+    const bool known = paths.any_tied() && std::ranges::any_of(active, [&](const Active& other) {
+                         return other.gradient == found.gradient;
+                       });
+    if (!known) active.push_back(std::move(found));
+  };
+  std::vector<double> unit(x.size());
   for (std::size_t i = 0; i < x.size(); ++i) {
     const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(i));
-    const Eigen::VectorXd unit = Eigen::VectorXd::Unit(n, static_cast<Eigen::Index>(i));
     const std::string name = ParameterName(problem, static_cast<int>(i));
-    if (x[i] > bounds.max - kActive) active.push_back({"upper " + name, unit});
-    if (x[i] < bounds.min + kActive) active.push_back({"lower " + name, -unit});
+    unit[i] = 1;
+    if (x[i] > bounds.max - kActive) add({"upper " + name, ByWhatIsFree(paths, unit)});
+    unit[i] = -1;
+    if (x[i] < bounds.min + kActive) add({"lower " + name, ByWhatIsFree(paths, unit)});
+    unit[i] = 0;
   }
   for (const LinearRow& row : rows) {
     if (!(row.Excess(x) > -kActive)) continue;
-    const std::vector<double> a = row.LinearAt(x).a;
-    active.push_back({row.name, Eigen::Map<const Eigen::VectorXd>(a.data(), n)});
+    add({row.name, ByWhatIsFree(paths, row.LinearAt(x).a)});
   }
   const auto consider = [&](double value, const std::string& name, Eigen::Index output,
-                            double unit = 1) {
-    if (value > -kActive) active.push_back({name, outputs.row(output).transpose(), unit});
+                            double scale = 1) {
+    if (value > -kActive) add({name, slopes.row(output).transpose(), scale});
   };
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
     consider(result.torque_excess[j] + problem.solver.torque_margin,
              "torque of " + JointName(problem, j), static_cast<Eigen::Index>(j + 1),
              1 - problem.solver.torque_margin);
   }
-  consider(result.penetration_excess, "penetration", outputs.rows() - 2);
-  consider(result.clearance_excess, "clearance of own shapes", outputs.rows() - 1,
+  consider(result.penetration_excess, "penetration", slopes.rows() - 2);
+  consider(result.clearance_excess, "clearance of own shapes", slopes.rows() - 1,
            1e-3 / kClearanceScale_m);
   return active;
-}
-
-/// A gradient by what is free of the paths.
-Eigen::VectorXd ByWhatIsFree(const FreePaths& paths, const Eigen::VectorXd& by_x) {
-  const std::vector<double> by_y =
-      paths.ReduceSlopes(std::span(by_x.data(), static_cast<std::size_t>(by_x.size())));
-  return Eigen::Map<const Eigen::VectorXd>(by_y.data(), static_cast<Eigen::Index>(by_y.size()));
 }
 
 /// What is left of the gradient with least-squares multipliers. Constraints with negative ones are
@@ -242,19 +249,12 @@ double LargestViolation(const Problem& problem, const std::vector<LinearRow>& ro
   return FindWorst(problem, rows, x, result).value;
 }
 
-KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>& rows,
-                            std::span<const double> x, const RolloutResult& result,
-                            const OutputGradients& outputs, const GaussNewton* model) {
-  std::vector<Active> active = FindActive(problem, rows, x, result, outputs);
-  const FreePaths paths(problem);
-  for (auto a = active.begin(); a != active.end();) {
-    a->gradient = ByWhatIsFree(paths, a->gradient);
-    const bool known = std::any_of(active.begin(), a, [&](const Active& other) {
-      return !problem.tied.empty() && other.gradient == a->gradient;
-    });
-    a = known ? active.erase(a) : a + 1;
-  }
-  const Eigen::VectorXd left = Residual(ByWhatIsFree(paths, outputs.row(0).transpose()), active);
+KktResidual FindKktResidual(const Problem& problem, const FreePaths& paths,
+                            const std::vector<LinearRow>& rows, std::span<const double> x,
+                            const RolloutResult& result, const OutputGradients& slopes,
+                            const GaussNewton* model) {
+  std::vector<Active> active = FindActive(problem, paths, rows, x, result, slopes);
+  const Eigen::VectorXd left = Residual(slopes.row(0).transpose(), active);
   KktResidual residual;
   if (left.size() > 0) residual.absolute = left.lpNorm<Eigen::Infinity>();
   if (model != nullptr) residual.relative = RelativeSize(left, active, *model);

@@ -12,6 +12,8 @@
 
 namespace tumbler {
 
+class FreePaths;
+
 /// A constraint a . x + b <= 0 on the parameters x [rad], or a . x + b <= s^d where the duration is
 /// free: with s the last parameter, the duration, and d the derivative of the path that is bounded.
 struct LinearRow {
@@ -55,10 +57,14 @@ double LargestViolation(const Problem& problem, const std::vector<LinearRow>& ro
 /// and nothing else is asked for, the rest is rounding. [rad] with a weight of one.
 inline constexpr double kNegligibleResidual = 1e-4;
 
-/// @param outputs  gradients of the rollout's outputs at x.
-/// @param model    of the cost at x; null: `relative` is not asked for.
-KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>& rows,
-                            std::span<const double> x, const RolloutResult& result,
-                            const OutputGradients& outputs, const GaussNewton* model = nullptr);
+/// @param paths   of the problem: the residual is by what is free of them, as no motion that breaks
+///                a tie competes.
+/// @param rows    those of DerivativeLimitRows.
+/// @param slopes  of the rollout's outputs at x, by what is free (FreePaths::ReduceSlopes).
+/// @param model   of the cost at x, likewise; null: `relative` is not asked for.
+KktResidual FindKktResidual(const Problem& problem, const FreePaths& paths,
+                            const std::vector<LinearRow>& rows, std::span<const double> x,
+                            const RolloutResult& result, const OutputGradients& slopes,
+                            const GaussNewton* model = nullptr);
 
 }  // namespace tumbler

@@ -1,6 +1,7 @@
 #include "offline/solve/free_paths.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "common/core/index.h"
 
@@ -28,6 +29,8 @@ FreePaths::FreePaths(const Problem& problem) : sources_(Index(problem.parameter_
     if (tie->factor < 0) own = {-own.max, -own.min};
     Interval<double>& both = bounds_[sources_[p].of];
     both = {std::max(both.min, own.min), std::min(both.max, own.max)};
+    // Both begin within their own limits, at the same place but for a rounding.
+    both.max = std::max(both.min, both.max);
   }
 }
 
@@ -39,14 +42,20 @@ std::vector<double> FreePaths::Inside(std::vector<double> y) const {
 
 std::vector<double> FreePaths::Expand(std::span<const double> y) const {
   std::vector<double> x;
+  x.reserve(sources_.size());
   for (const Source& source : sources_) x.push_back(source.factor * y[source.of]);
   return x;
 }
 
 std::vector<double> FreePaths::Reduce(std::span<const double> x) const {
   std::vector<double> y;
+  y.reserve(own_.size());
   for (const std::size_t parameter : own_) y.push_back(x[parameter]);
   return y;
+}
+
+std::vector<double> FreePaths::Tied(std::vector<double> x) const {
+  return any_tied() ? Expand(Inside(Reduce(x))) : x;
 }
 
 std::vector<double> FreePaths::ReduceSlopes(std::span<const double> by_x) const {
@@ -56,8 +65,8 @@ std::vector<double> FreePaths::ReduceSlopes(std::span<const double> by_x) const 
   return by_y;
 }
 
-OutputGradients FreePaths::ReduceSlopes(const OutputGradients& by_x) const {
-  if (count() == sources_.size()) return by_x;
+OutputGradients FreePaths::ReduceSlopes(OutputGradients by_x) const {
+  if (!any_tied()) return by_x;
   OutputGradients by_y(by_x.rows(), static_cast<Eigen::Index>(count()));
   for (Eigen::Index row = 0; row < by_x.rows(); ++row) {
     const std::vector<double> slopes =
@@ -67,15 +76,31 @@ OutputGradients FreePaths::ReduceSlopes(const OutputGradients& by_x) const {
   return by_y;
 }
 
+GaussNewton FreePaths::Reduce(GaussNewton by_x) const {
+  if (!any_tied()) return by_x;
+  const auto columns = static_cast<Eigen::Index>(count());
+  Eigen::MatrixXd T = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(sources_.size()), columns);
+  for (std::size_t p = 0; p < sources_.size(); ++p) {
+    T(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(sources_[p].of)) = sources_[p].factor;
+  }
+  GaussNewton by_y;
+  by_y.matrix = T.transpose() * by_x.matrix * T;
+  by_y.residual_slopes = by_x.residual_slopes * T;
+  by_y.squares = by_x.squares;
+  by_y.linear = T.transpose() * by_x.linear;
+  return by_y;
+}
+
 std::vector<LinearRow> FreePaths::Reduce(std::span<const LinearRow> rows) const {
+  if (!any_tied()) return {rows.begin(), rows.end()};
   std::vector<LinearRow> reduced;
   for (const LinearRow& row : rows) {
     LinearRow by_y = row;
     by_y.a = ReduceSlopes(row.a);
-    const bool known =
-        count() < sources_.size() && std::ranges::any_of(reduced, [&](const LinearRow& other) {
-          return other.a == by_y.a && other.b == by_y.b;
-        });
+    const bool known = std::ranges::any_of(reduced, [&](const LinearRow& other) {
+      return other.a == by_y.a && other.b == by_y.b &&
+             (!row.of_free_duration || other.derivative == row.derivative);
+    });
     if (!known) reduced.push_back(std::move(by_y));
   }
   return reduced;

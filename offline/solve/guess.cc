@@ -15,6 +15,7 @@
 #include "offline/model/least_squares.h"
 #include "offline/problem/link_chains.h"
 #include "offline/problem/start_toml.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/rollout.h"
 
 namespace tumbler {
@@ -168,7 +169,7 @@ void CheckSamePath(const Problem& problem, std::span<const double> x, const Prim
         fmt::format(
             "'{}' has a path that the task's differs from by {:.2g} rad; its gains "
             "(robust.feedback.from_guess) are for its own path: give the task the [spline], "
-            "[start] and [end] of that motion",
+            "[start], [end] and [tied] of that motion",
             NameOf(problem, j), most_rad));
   }
 }
@@ -285,7 +286,7 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
     guess.push_back(
         std::clamp(file.primitive.duration_s / problem.duration_s, bounds.min, bounds.max));
   }
-  return guess;
+  return FreePaths(problem).Tied(std::move(guess));
 }
 
 void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name) {

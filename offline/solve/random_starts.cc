@@ -97,11 +97,18 @@ std::vector<double> Shrunk(const Problem& problem, const std::vector<LinearRow>&
 }  // namespace
 
 RandomStarts::RandomStarts(const Problem& problem)
-    : problem_(problem), rows_(DerivativeLimitRows(problem)) {}
+    : problem_(problem), rows_(DerivativeLimitRows(problem)), paths_(problem) {}
 
 std::vector<double> RandomStarts::Draw(std::uint64_t sample) const {
   const std::vector<double> line = StraightLine(problem_);
-  return Shrunk(problem_, rows_, line, RandomPath(problem_, line, sample));
+  std::vector<double> path = Shrunk(problem_, rows_, line, RandomPath(problem_, line, sample));
+  if (!paths_.any_tied()) return path;
+  path = paths_.Tied(std::move(path));
+  // A joint that now follows another one may be slower than that.
+  constexpr double kRounding = 1e-9;
+  const bool kept = std::ranges::none_of(
+      rows_, [&](const LinearRow& row) { return row.Excess(path) > kRounding; });
+  return kept ? path : paths_.Tied(Shrunk(problem_, rows_, line, path));
 }
 
 }  // namespace tumbler

@@ -5,6 +5,7 @@
 
 #include "offline/problem/problem.h"
 #include "offline/solve/constraints.h"
+#include "offline/solve/free_paths.h"
 
 namespace tumbler {
 
@@ -19,6 +20,8 @@ namespace tumbler {
 /// are, the shorter is the time in which it has to come up to that slope, and the more the limits
 /// shrink the motion. Solve therefore searches with few control points.
 ///
+/// Joints that are tied follow the others.
+///
 /// Safe for use from several threads.
 class RandomStarts {
  public:
@@ -32,6 +35,7 @@ class RandomStarts {
  private:
   Problem problem_;
   std::vector<LinearRow> rows_;
+  FreePaths paths_;
 };
 
 }  // namespace tumbler

@@ -22,6 +22,7 @@
 #include "offline/scene/lane_kernel.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/solve/cma_es.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/hold_feedback.h"
 #include "offline/solve/lane_feedback.h"
 #include "offline/solve/random_starts.h"
@@ -155,7 +156,7 @@ struct Plan {
 
 /// A motion with its loss.
 struct Candidate {
-  std::vector<double> x;
+  std::vector<double> x;  ///< See RobustSearch::variables.
   double loss = 0;
 };
 
@@ -168,8 +169,9 @@ class RobustSearch {
         options_(options),
         complement_(complement),
         kernel_(*PacketKernels().front()),
-        rows_(DerivativeLimitRows(problem)),
-        parameters_(problem.parameter_count()),
+        paths_(problem),
+        rows_(paths_.Reduce(DerivativeLimitRows(problem))),
+        parameters_(static_cast<int>(paths_.count())),
         joints_(problem.joints.size()) {
     lanes_ = LanesOf(RobotVariation{});
     target_rad_ = *problem.target_pitch_rad;
@@ -194,7 +196,7 @@ class RobustSearch {
     taken_ = gains;
     std::vector<Candidate> best;
     if (!guess.empty()) {
-      best = {{{guess.begin(), guess.end()}, 0}};
+      best = {{paths_.Reduce(guess), 0}};
       best.front().x.resize(variables());
       if (!complement_.empty()) {
         // The model, none of these robots, may not do well with the best: then another is taken.
@@ -220,7 +222,7 @@ class RobustSearch {
 
   /// A candidate's motion: the problem's parameters, and how long it takes.
   [[nodiscard]] std::vector<double> ParametersOf(const Candidate& candidate) const {
-    return {candidate.x.begin(), candidate.x.begin() + parameters_};
+    return paths_.Expand({candidate.x.data(), Index(parameters_)});
   }
   [[nodiscard]] double DurationOf(const std::vector<double>& x) const {
     if (!free_duration()) return problem_.duration_s;
@@ -326,9 +328,9 @@ class RobustSearch {
 
   using Setpoints = std::vector<LaneSetpoint<Packet>>;
 
-  /// Of a candidate: the path's parameters, the duration where it is free, and, once the feedback
-  /// of the hold is known, for each joint the gains in the motion, those of the angle before those
-  /// of the rate.
+  /// Of a candidate: what is free of the paths, the duration where it is free, and, once the
+  /// feedback of the hold is known, for each joint the gains in the motion, those of the angle
+  /// before those of the rate.
   [[nodiscard]] std::size_t variables() const {
     const std::size_t gains = hold_ ? 2 * joints_ * Index(robust_.feedback->knots) : 0;
     return first_gain() + gains;
@@ -519,12 +521,9 @@ class RobustSearch {
       excess += std::max(
           {0.0, *robust_.duration_min_s - duration_s, duration_s - *robust_.duration_max_s});
     }
-    for (std::size_t j = 0; j < joints_; ++j) {
-      const JointLimits<double>& limits = problem_.joints[j].limits;
-      for (int i = 0; i < problem_.joints[j].free_points(); ++i) {
-        const double q = x[Index(problem_.first_parameter(j) + i)];
-        excess += std::max({0.0, q - limits.position_max_rad, limits.position_min_rad - q});
-      }
+    for (std::size_t i = 0; i < Index(parameters_); ++i) {
+      const auto [least, most] = paths_.bounds(i);
+      excess += std::max({0.0, x[i] - most, least - x[i]});
     }
     for (const LinearRow& row : rows_) {
       double sum = row.b;
@@ -551,7 +550,9 @@ class RobustSearch {
   [[nodiscard]] std::vector<JointMotion<double>::Spline> SplinesOf(
       const std::vector<double>& x) const {
     std::vector<JointMotion<double>::Spline> splines;
-    for (std::size_t j = 0; j < joints_; ++j) splines.push_back(PositionSpline(problem_, x, j));
+    const std::vector<double> parameters = paths_.Expand({x.data(), Index(parameters_)});
+    for (std::size_t j = 0; j < joints_; ++j)
+      splines.push_back(PositionSpline(problem_, parameters, j));
     return splines;
   }
 
@@ -1159,7 +1160,7 @@ class RobustSearch {
     SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
     Setpoints setpoints(Index(Ticks(problem_.duration_s) + Ticks(problem_.settle_s)) * joints_);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      out[lane].x = starts.Draw(static_cast<std::uint64_t>(packet) * kLanes + lane);
+      out[lane].x = paths_.Reduce(starts.Draw(static_cast<std::uint64_t>(packet) * kLanes + lane));
       out[lane].x.resize(variables());
       out[lane].loss = PathExcess(out[lane].x, distances);
       Sample(out[lane].x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
@@ -1240,8 +1241,9 @@ class RobustSearch {
   const SolveOptions& options_;
   std::span<const Primitive<double>> complement_;  ///< Tried before; see SolveRobust.
   const LaneKernel<Packet>& kernel_;
-  std::vector<LinearRow> rows_;
-  int parameters_;  // of a motion; behind them is its duration, where it is free
+  FreePaths paths_;
+  std::vector<LinearRow> rows_;  // by what is free of the paths
+  int parameters_;  // what that is of a motion; behind it is its duration, where it is free
   std::size_t joints_;
   LaneScene lanes_;
   Ensemble model_;       ///< Of robots that are all the model.

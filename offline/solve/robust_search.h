@@ -20,10 +20,13 @@ namespace tumbler {
 /// 0.2 for one that does what the motion's purpose asks for, 0.35 ... 0.65 for one that is near,
 /// and more than 1 for one that fell; and penalties for limits that the plan itself does not keep.
 ///
+/// Joints that are tied follow the others in every motion: CMA-ES changes what is free of the paths
+/// (FreePaths).
+///
 /// @returns motions, the most robust first, with the figures that `Solve` gives. `options.accept`
 ///          and `options.contact` do not count. The result does not depend on the threads.
 /// @param guess  parameters of the problem: a motion that is only polished, with `polish_robots`.
-///               Empty: none.
+///               Empty: none. Joints that are tied follow the others in it.
 /// @param gains  of a feedback that the guess gets as they are, where the problem asks for one: for
 ///               its joints in their order, with knots for its duration. Null: they are found.
 /// @param complement  motions of the problem's joints that are tried before this one: only robots

@@ -92,7 +92,7 @@ class LocalSolve {
     if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       end = SolveEnd::kInfeasible;
     best.evaluations = evaluations_;
-    best.kkt = FindKktResidual(problem_, rows_, best.x, result_, outputs_);
+    best.kkt = FindKktResidual(problem_, paths_, rows_, best.x, result_, slopes_);
     const double gradient = std::max(first_gradient, outputs_.row(0).lpNorm<Eigen::Infinity>());
     if (end == SolveEnd::kConverged && best.kkt.absolute > kStationary * gradient)
       end = SolveEnd::kStalled;

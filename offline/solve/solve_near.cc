@@ -11,6 +11,7 @@
 #include "common/core/index.h"
 #include "offline/model/dense_eigen.h"
 #include "offline/solve/constraints.h"
+#include "offline/solve/free_paths.h"
 #include "offline/solve/quadratic_program.h"
 
 namespace tumbler {
@@ -90,7 +91,8 @@ class SecantMatrix {
 
 /// A motion, and what is known of it.
 struct Point {
-  VectorXd x;
+  VectorXd y;             ///< What is free of its paths; derivatives are by these.
+  std::vector<double> x;  ///< The problem's parameters, which y stands for.
   RolloutResult result;
   VectorXd c;               ///< Simulated constraints.
   OutputGradients outputs;  ///< Gradients: of the cost, then of the constraints.
@@ -165,20 +167,22 @@ class NearSolve {
         memory_(memory),
         options_(options),
         history_(history),
+        paths_(problem),
         rows_(DerivativeLimitRows(problem)),
-        n_(problem.parameter_count()),
+        own_rows_(paths_.Reduce(rows_)),
+        n_(static_cast<int>(paths_.count())),
         secants_(n_),
-        hard_(static_cast<Eigen::Index>(rows_.size()), n_),
+        hard_(static_cast<Eigen::Index>(own_rows_.size()), n_),
         offset_(hard_.rows()),
         lower_(n_),
         upper_(n_) {
     for (int i = 0; i < n_; ++i) {
-      const Interval<double> bounds = problem.bounds_of_parameter(i);
+      const Interval<double> bounds = paths_.bounds(Index(i));
       lower_[i] = bounds.min;
       upper_[i] = bounds.max;
     }
-    for (std::size_t i = 0; i < rows_.size(); ++i) {
-      if (!rows_[i].of_free_duration) SetHardRow(i, rows_[i]);
+    for (std::size_t i = 0; i < own_rows_.size(); ++i) {
+      if (!own_rows_[i].of_free_duration) SetHardRow(i, own_rows_[i]);
     }
     if (memory == nullptr || memory->secants.size() == 0) return;
     secants_ = SecantMatrix(memory->secants);
@@ -188,7 +192,7 @@ class NearSolve {
   }
 
   Solution Run(std::span<const double> start) {
-    const Eigen::Map<const VectorXd> first(start.data(), n_);
+    const VectorXd first = Vector(paths_.Reduce(start));
     SetHardRowsAt(first);
     Point here = Expand(Inside(first));
     Solution best;
@@ -203,7 +207,7 @@ class NearSolve {
     }
     if (memory_ != nullptr) *memory_ = {secants_.matrix(), multipliers_, price_, radius_};
     if (best.end != SolveEnd::kInterrupted) Restore(here);
-    best.x.assign(here.x.begin(), here.x.end());
+    best.x = here.x;
     best.rollout = here.result;
     best.evaluations = evaluations_;
     if (!here.result.finite) return best;
@@ -224,10 +228,10 @@ class NearSolve {
     offset_[k] = row.b;
   }
   /// Where the duration is free, limits are linear near a motion only.
-  void SetHardRowsAt(const VectorXd& x) {
+  void SetHardRowsAt(const VectorXd& y) {
     if (!problem_.free_duration) return;
-    for (std::size_t i = 0; i < rows_.size(); ++i)
-      SetHardRow(i, rows_[i].LinearAt({x.data(), Index(n_)}));
+    for (std::size_t i = 0; i < own_rows_.size(); ++i)
+      SetHardRow(i, own_rows_[i].LinearAt({y.data(), Index(n_)}));
   }
 
   /// Leads a motion whose solve ended on the way, a little beyond its constraints, back to where it
@@ -235,39 +239,39 @@ class NearSolve {
   void Restore(Point& here) {
     for (int i = 0; i < kMostOnTheWayBack && evaluations_ < limits_.max_evaluations; ++i) {
       if (!here.result.finite || here.c.size() == 0 || here.c.maxCoeff() <= kNoViolation) return;
-      SetHardRowsAt(here.x);
+      SetHardRowsAt(here.y);
       QuadraticProgram nearest =
           Program(here, MatrixXd::Identity(n_, n_), NearMemory::kFirstRadius_rad);
       nearest.g = VectorXd::Zero(n_);
       // Constraints bend, so a step that aims at their edge ends a little beyond it again.
       nearest.soft_value.array() += 0.1 * here.c.maxCoeff() + 0.5 * kNoViolation;
       nearest.price = 1e3;
-      Point there = Expand(here.x + Solve(nearest).p);
+      Point there = Expand(here.y + Solve(nearest).p);
       if (!there.result.finite || there.violation() >= here.violation()) return;
       here = std::move(there);
     }
   }
 
-  /// The motion nearest to x that keeps all linear limits.
-  VectorXd Inside(const VectorXd& x) const {
-    QuadraticProgram nearest = Subproblem(x, std::numeric_limits<double>::infinity());
+  /// The motion nearest to y that keeps all linear limits.
+  VectorXd Inside(const VectorXd& y) const {
+    QuadraticProgram nearest = Subproblem(y, std::numeric_limits<double>::infinity());
     nearest.g = VectorXd::Zero(n_);
     nearest.B = MatrixXd::Identity(n_, n_);
     nearest.soft = MatrixXd::Zero(0, n_);
     nearest.soft_value = VectorXd::Zero(0);
     // Limits that cannot be kept are left as they are.
     const QuadraticSolution solution = Solve(nearest);
-    const VectorXd moved = x + solution.p;
-    return (solution.converged ? moved : x).cwiseMax(lower_).cwiseMin(upper_);
+    const VectorXd moved = y + solution.p;
+    return (solution.converged ? moved : y).cwiseMax(lower_).cwiseMin(upper_);
   }
 
-  /// The limits of a step from x.
-  [[nodiscard]] QuadraticProgram Subproblem(const VectorXd& x, double radius) const {
+  /// The limits of a step from y.
+  [[nodiscard]] QuadraticProgram Subproblem(const VectorXd& y, double radius) const {
     QuadraticProgram program;
-    program.lower = (lower_ - x).cwiseMax(-radius);
-    program.upper = (upper_ - x).cwiseMin(radius);
+    program.lower = (lower_ - y).cwiseMax(-radius);
+    program.upper = (upper_ - y).cwiseMin(radius);
     program.hard = hard_;
-    program.hard_value = hard_ * x + offset_;
+    program.hard_value = hard_ * y + offset_;
     // A limit that is violated by rounding must not get worse.
     if (std::isfinite(radius)) program.hard_value = program.hard_value.cwiseMin(0);
     return program;
@@ -276,28 +280,30 @@ class NearSolve {
   /// Counts and reports an evaluation.
   void Count(const Point& point) {
     ++evaluations_;
-    const double violation =
-        LargestViolation(problem_, rows_, {point.x.data(), Index(n_)}, point.result);
+    const double violation = LargestViolation(problem_, rows_, point.x, point.result);
     const Evaluation evaluation{
         false, 0, evaluations_, point.result.cost, violation, way_.evaluations()};
     if (history_ != nullptr) history_->push_back(evaluation);
     if (options_.progress) options_.progress(evaluation);
   }
 
-  /// The motion x with its derivatives.
-  Point Expand(const VectorXd& x) {
+  /// The motion y with its derivatives.
+  Point Expand(const VectorXd& y) {
     Point point;
-    point.x = x;
-    point.outputs.resize(way_.outputs, n_);
-    point.result = way_.run({x.data(), Index(n_)}, point.outputs, point.model);
+    point.y = y;
+    point.x = paths_.Expand({y.data(), Index(n_)});
+    point.outputs.resize(way_.outputs, static_cast<Eigen::Index>(point.x.size()));
+    point.result = way_.run(point.x, point.outputs, point.model);
+    point.outputs = paths_.ReduceSlopes(std::move(point.outputs));
+    point.model = paths_.Reduce(std::move(point.model));
     Count(point);
     point.c = Vector(SimulatedConstraints(problem_, point.result));
     return point;
   }
 
   [[nodiscard]] KktResidual KktAt(const Point& point) const {
-    return FindKktResidual(problem_, rows_, {point.x.data(), Index(n_)}, point.result,
-                           point.outputs, &point.model);
+    return FindKktResidual(problem_, paths_, rows_, point.x, point.result, point.outputs,
+                           &point.model);
   }
 
   [[nodiscard]] bool Converged(const Point& here) const {
@@ -327,7 +333,7 @@ class NearSolve {
     finer_.erase(finer_.begin());
     refined_ = true;
     radius_ = std::clamp(radius_, kRadiusAfterReset, NearMemory::kFirstRadius_rad);
-    here = Expand(here.x);
+    here = Expand(here.y);
   }
 
   SolveEnd Iterate(Point& here) {
@@ -344,7 +350,7 @@ class NearSolve {
       } else if (now.evaluations - last.evaluations > (coarse() ? kPatienceOnTheWay : kPatience)) {
         return SolveEnd::kStalled;
       }
-      SetHardRowsAt(here.x);
+      SetHardRowsAt(here.y);
       const MatrixXd B = Convex(here.model.matrix + secants_.matrix());
       const QuadraticSolution step = FindStep(here, B, radius_);
       const double promised = Promised(here, B, step.p);
@@ -382,7 +388,7 @@ class NearSolve {
   /// J, r of the targets; g, G of the rest of the cost, A of the constraints.
   void Learn(const Point& here, const Point& there) {
     if (!there.result.finite) return;
-    const VectorXd s = there.x - here.x;
+    const VectorXd s = there.y - here.y;
     const MatrixXd turned = there.model.residual_slopes - here.model.residual_slopes;
     VectorXd y = 2 * turned.transpose() * there.residuals();
     y += there.GradientBesideTargets() - here.GradientBesideTargets() -
@@ -394,7 +400,7 @@ class NearSolve {
   /// Tries a step, and corrects it where it goes wrong because of curvature.
   Point Corrected(const Point& here, const MatrixXd& B, const VectorXd& p, double radius,
                   double promised) {
-    Point there = Expand(here.x + p);
+    Point there = Expand(here.y + p);
     if (!there.result.finite) return there;
     const auto good = [&](double part) {
       return here.Merit(price_) - there.Merit(price_) > part * promised;
@@ -404,8 +410,8 @@ class NearSolve {
       // The constraints as they are there take the place of what the model says of them there
       // (second-order correction).
       QuadraticProgram program = Program(here, B, radius);
-      program.soft_value = there.c - here.A() * (there.x - here.x);
-      KeepBetter(Expand(here.x + Solve(program).p), there);
+      program.soft_value = there.c - here.A() * (there.y - here.y);
+      KeepBetter(Expand(here.y + Solve(program).p), there);
     }
     return there;
   }
@@ -422,10 +428,10 @@ class NearSolve {
     const VectorXd missed = there.residuals() - wanted;
     const VectorXd back = -J.transpose() * square.ldlt().solve(missed);
     if (!(back.lpNorm<Eigen::Infinity>() <= 2 * p.lpNorm<Eigen::Infinity>())) return;
-    const VectorXd x = (there.x + back).cwiseMax(lower_).cwiseMin(upper_);
-    const Eigen::ArrayXd before = (hard_ * here.x + offset_).array().max(0);
-    if (((hard_ * x + offset_).array() > before + kRounding).any()) return;
-    KeepBetter(Expand(x), there);
+    const VectorXd y = (there.y + back).cwiseMax(lower_).cwiseMin(upper_);
+    const Eigen::ArrayXd before = (hard_ * here.y + offset_).array().max(0);
+    if (((hard_ * y + offset_).array() > before + kRounding).any()) return;
+    KeepBetter(Expand(y), there);
   }
 
   void KeepBetter(Point&& other, Point& there) const {
@@ -435,7 +441,7 @@ class NearSolve {
   /// The model around a motion.
   [[nodiscard]] QuadraticProgram Program(const Point& here, const MatrixXd& B,
                                          double radius) const {
-    QuadraticProgram program = Subproblem(here.x, radius);
+    QuadraticProgram program = Subproblem(here.y, radius);
     program.g = here.g();
     program.B = B;
     program.soft = here.A();
@@ -490,8 +496,10 @@ class NearSolve {
   NearMemory* memory_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
+  FreePaths paths_;
   std::vector<LinearRow> rows_;
-  int n_;
+  std::vector<LinearRow> own_rows_;  // by what is free of the paths
+  int n_;                            // how much that is
   SecantMatrix secants_;
   VectorXd multipliers_;  // of the simulated constraints
   MatrixXd hard_;         // of the linear limits: hard_ x + offset_ <= 0

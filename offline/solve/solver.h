@@ -127,7 +127,8 @@ struct SolveOutcome {
 
 /// Finds a motion without a guess: by a global search over random splines, a few iterations of
 /// SolveNear in lanes from the best of them, or of SLSQP (NLopt) where lanes do not cover the
-/// problem, and SolveNear from the best of what comes of that: until one motion is as asked, or
+/// problem, and SolveNear from the best of what comes of that, each by what is free of the paths
+/// where joints are tied (FreePaths): until one motion is as asked, or
 /// with `solver.prove` until `solver.finalists` motions have converged. A joint with more than 12
 /// control points is searched for with 12, and what is found is refined with all of them.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);

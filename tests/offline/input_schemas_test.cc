@@ -143,6 +143,7 @@ TEST(InputSchemas, TheTablesOfTheDocumentOfATask) {
       .Add("cost", ArrayOf(TableOf(t.at("cost"))), true)
       .Add("obstacle", ArrayOf(Obstacle(t.at("obstacle"))))
       .Add("locked", joints)
+      .Add("tied", NamesOf(Any("string")))
       .Add("robust", robust.Done());
   for (const char* name : {"bar", "spline", "contact", "self_contact", "tolerances", "drives",
                            "mirror", "search", "solver"})
