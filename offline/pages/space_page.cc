@@ -86,8 +86,10 @@ void Check(const SpaceMotionPage& page) {
       const std::string one = fmt::format("{}.series[{}]", name, s);
       CheckHue(series.hue, one + ".hue");
       CheckSize(series.values.size(), page.frames.size(), one + ".values", "frame");
-      for (std::size_t i = 0; i < series.values.size(); ++i)
-        CheckFinite(series.values[i], fmt::format("{}.values[{}]", one, i));
+      for (std::size_t i = 0; i < series.values.size(); ++i) {
+        if (std::isinf(series.values[i]))
+          RefuseField(fmt::format("{}.values[{}]", one, i), "is infinite");
+      }
     }
     for (std::size_t i = 0; i < page.plots[k].limits.size(); ++i)
       CheckFinite(page.plots[k].limits[i], fmt::format("{}.limits[{}]", name, i));
@@ -208,7 +210,7 @@ Json PlotToJson(const SpacePlot& plot) {
     while (power * unit < 0.999 && power < 1e9) power *= 10;
     Json values = Json::Array();
     for (const double value : series.values)
-      values.Append(std::isfinite(value) ? Json(std::round(value * power) / power) : Json());
+      values.Append(std::isnan(value) ? Json() : Json(std::round(value * power) / power));
     json["series"].Append({{"name", series.name},
                            {"hue", series.hue < 0 ? static_cast<int>(s % 8) : series.hue},
                            {"values", std::move(values)}});

@@ -674,8 +674,8 @@ TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
   program.Signal(SIGINT);
   EXPECT_EQ(program.Wait(), 130) << program.text();
   EXPECT_THAT(program.text(),
-              HasSubstr("interrupted: the best motion so far is dropped (--keep-best keeps it); no "
-                        "file was written"));
+              HasSubstr("interrupted: what was found so far is dropped (--keep-best keeps a "
+                        "motion that is as asked); no file was written"));
   EXPECT_EQ(folder.Listing(), before);
 }
 

@@ -221,6 +221,14 @@ TEST(SpacePage, KeepsPosesForcesAndCurvesToTheDigitsThatAreSeen) {
   EXPECT_NEAR(knee, page.plots[2].series[1].values[37], 1e-4);
 }
 
+TEST(SpacePage, DrawsNoValueWhereThereIsNone) {
+  SpaceMotionPage page = SampleSpaceMotion();
+  page.plots[0].series[0].values[0] = std::numeric_limits<double>::quiet_NaN();
+  const Json values = DataOf(SpacePage(page))["plots"][0]["series"][0]["values"];
+  EXPECT_TRUE(values[0].is_null());
+  EXPECT_FALSE(values[1].is_null());
+}
+
 TEST(SpacePage, ShowsHostileTextsAsTexts) {
   SpaceMotionPage page = SampleSpaceMotion();
   const std::string hostile = "</script><script>alert(1)</script>{{data}}<b title=\"";
