@@ -136,25 +136,28 @@ std::int64_t MotionsOf(const RunSummary& summary) {
   return static_cast<std::int64_t>(summary.passages.size()) + summary.left_out.motions;
 }
 
+/// Of several motions, whether the robot was where it should be after them.
+std::string CountText(const RunSummary& summary) {
+  const auto count = [&summary](bool (Passage::*is)() const) {
+    return std::count_if(summary.passages.begin(), summary.passages.end(), std::mem_fn(is));
+  };
+  const auto amiss = count(&Passage::amiss) + summary.left_out.amiss;
+  const auto unjudged = count(&Passage::unjudged) + summary.left_out.unjudged;
+  return fmt::format(
+      "{} motions, {} complete cycles; {}{}", MotionsOf(summary), summary.cycles,
+      amiss != 0 ? fmt::format("NOT where it should be after {}{}", amiss, AmissIn(summary))
+      : unjudged == MotionsOf(summary) ? "NOT JUDGED"
+      : Fell(summary) ? "the robot where it should be when each was judged, but it FELL"
+                      : "the robot where it should be after each",
+      unjudged == 0 || unjudged == MotionsOf(summary)
+          ? ""
+          : fmt::format(" but {}, NOT JUDGED", unjudged));
+}
+
 void AppendPassages(const RunSummary& summary, std::string& text) {
   if (!summary.broken_off.empty()) text += fmt::format("  {}: broken off\n", summary.broken_off);
   if (summary.passages.empty()) return;
-  if (summary.passages.size() > 1) {
-    const auto count = [&summary](bool (Passage::*is)() const) {
-      return std::count_if(summary.passages.begin(), summary.passages.end(), std::mem_fn(is));
-    };
-    const auto amiss = count(&Passage::amiss) + summary.left_out.amiss;
-    const auto unjudged = count(&Passage::unjudged) + summary.left_out.unjudged;
-    text += fmt::format(
-        "  {} motions, {} complete cycles; {}{}\n", MotionsOf(summary), summary.cycles,
-        amiss != 0 ? fmt::format("NOT where it should be after {}{}", amiss, AmissIn(summary))
-        : unjudged == MotionsOf(summary) ? "NOT JUDGED"
-        : Fell(summary) ? "the robot where it should be when each was judged, but it FELL"
-                        : "the robot where it should be after each",
-        unjudged == 0 || unjudged == MotionsOf(summary)
-            ? ""
-            : fmt::format(" but {}, NOT JUDGED", unjudged));
-  }
+  if (summary.passages.size() > 1) text += fmt::format("  {}\n", CountText(summary));
   const Passage& last = summary.passages.back();
   if (!summary.broken_off.empty()) {
     text += fmt::format("  before, {}: ", last.node);
@@ -199,15 +202,25 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     text += fmt::format("    {}: {}\n", judged.name(), judged.Verdict());
 }
 
-/// Lines about what a simulated robot did.
-void AppendRobot(const RunSummary& summary, std::string& text) {
-  AppendPassages(summary, text);
-  if (!summary.after_torque_off.empty())
-    text += fmt::format("  without torque, 3 s later: the robot {}\n", summary.after_torque_off);
+/// What happened to a simulated robot that should not, a text each.
+std::vector<std::string> MishapsOf(const RunSummary& summary) {
+  std::vector<std::string> texts;
   for (const std::vector<Mishap>* mishaps : {&summary.falls, &summary.overlaps}) {
     for (const Mishap& mishap : *mishaps)
-      text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
+      texts.push_back(fmt::format("at {:.3f} s the robot {}", mishap.time_s, mishap.what));
   }
+  return texts;
+}
+
+/// What a motion was not found to do, a text each.
+std::vector<std::string> Shortcomings(const Passage& passage) {
+  std::vector<std::string> texts;
+  if (passage.as_planned() == false) texts.emplace_back("NOT where it should be");
+  for (const JudgedTarget& judged : passage.purpose) {
+    if (judged.met() != true)
+      texts.push_back(fmt::format("{}: {}", judged.name(), judged.Verdict()));
+  }
+  return texts;
 }
 
 }  // namespace
@@ -304,16 +317,23 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
 }
 
 std::string ToOutcome(const RunSummary& summary) {
+  constexpr int kMost = 3;  // motions of which what is amiss is told
   std::string text = ToString(summary.outcome);
   if (!summary.reason.empty()) text += ": " + summary.reason;
-  std::string lines;
-  AppendRobot(summary, lines);
-  for (std::size_t begin = 0; begin < lines.size();) {
-    begin = lines.find_first_not_of(' ', begin);
-    const std::size_t end = lines.find('\n', begin);
-    text.append("; ").append(lines, begin, end - begin);
-    begin = end + 1;
+  if (!summary.broken_off.empty()) text += fmt::format("; {}: broken off", summary.broken_off);
+  if (summary.passages.size() > 1) {
+    text += "; " + CountText(summary);
+  } else if (!summary.passages.empty()) {
+    const std::optional<bool> as_asked = summary.passages.front().as_asked();
+    text += !as_asked ? "; NOT JUDGED" : *as_asked ? "; as asked" : "; NOT as asked";
   }
+  int told = 0;
+  for (const Passage& passage : summary.passages) {
+    if (passage.as_asked() == true || told++ >= kMost) continue;
+    for (const std::string& what : Shortcomings(passage))
+      text += fmt::format("; {}: {}", passage.node, what);
+  }
+  for (const std::string& what : MishapsOf(summary)) text += "; " + what;
   return text;
 }
 
@@ -324,7 +344,10 @@ std::string ToText(const RunSummary& summary) {
       summary.bus, summary.dry_run ? " (dry run)" : "", summary.speed, summary.rate_hz);
   if (summary.attended) text += fmt::format("  {} runs\n", summary.runs);
   if (!summary.reason.empty()) text += fmt::format("  {}\n", summary.reason);
-  AppendRobot(summary, text);
+  AppendPassages(summary, text);
+  if (!summary.after_torque_off.empty())
+    text += fmt::format("  without torque, 3 s later: the robot {}\n", summary.after_torque_off);
+  for (const std::string& what : MishapsOf(summary)) text += fmt::format("  {}\n", what);
   AppendJoints(summary, text);
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);

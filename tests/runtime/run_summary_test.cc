@@ -261,14 +261,13 @@ TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
   report.outcome = RunOutcome::kCompleted;
   EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
   Passage& passage = report.passages.emplace_back();
+  passage.node = "handstand";
   passage.expected_pitch_rad = 1.57;
   passage.pitch_later_rad = 1.56;
   EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
   passage.pitch_later_rad = 3.1;
   EXPECT_EQ(StatusOf(report), ExitStatus::kAmiss);
-  EXPECT_EQ(ToOutcome(report),
-            "completed; root turned 1.5300 rad off its plan 2 s later (within 0.05): NOT where it "
-            "should be");
+  EXPECT_EQ(ToOutcome(report), "completed; NOT as asked; handstand: NOT where it should be");
   report.outcome = RunOutcome::kFault;
   EXPECT_EQ(StatusOf(report), ExitStatus::kFault);
 }
