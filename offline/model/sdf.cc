@@ -406,10 +406,11 @@ class SdfConverter {
                  .child = root.name,
                  .place = InverseOf(world) * root.frame});
     }
-    if (model.Static() && !joints_.empty())
+    if (model.Static() && !joints_.empty()) {
       Note(
           "the model is <static>, of which Gazebo moves nothing: here its root is fixed to the "
           "world, and its joints move");
+    }
     for (const JointOfSdf& joint : joints_) {
       const Pose parent = joint.parent == kSdfWorld ? world : links_[index_.at(joint.parent)].frame;
       AddJoint(joint, InverseOf(parent) * joint.in_model);
@@ -648,9 +649,10 @@ class SdfConverter {
         return BoxForm(sizes(shape.BoxShape()->Size()));
       case sdf::GeometryType::MESH: {
         const sdf::Mesh& mesh = *shape.MeshShape();
-        if (!mesh.Submesh().empty())
+        if (!mesh.Submesh().empty()) {
           Note(fmt::format("{}: of a mesh its part '{}' is named; the URDF has the whole", key,
                            mesh.Submesh()));
+        }
         return MeshForm(MeshFile(mesh), sizes(mesh.Scale()));
       }
       default:
@@ -661,7 +663,7 @@ class SdfConverter {
   /// A URDF beside the SDF finds it.
   [[nodiscard]] std::string MeshFile(const sdf::Mesh& mesh) const {
     constexpr std::string_view kModel = "model://";
-    const std::string uri = mesh.Uri();
+    std::string uri = mesh.Uri();
     if (uri.starts_with(kModel)) return "package://" + uri.substr(kModel.size());
     const std::filesystem::path folder = std::filesystem::path(mesh.FilePath()).parent_path();
     const bool relative = uri.find("://") == std::string::npos && !uri.starts_with('/');

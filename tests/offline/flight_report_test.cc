@@ -511,7 +511,8 @@ TEST_F(ReportProgram, WritesAPageOfTheNameThatItIsGiven) {
 TEST_F(ReportProgram, WantsOneRecordInABrowserAndTakesOptionsOfThePageOnlyWithOne) {
   const std::string& record = Recorded().handstand;
   for (const std::string& arguments :
-       {record + " " + record, record + " --from-s 1", record + " --truth " + Recorded().truth,
+       {fmt::format("{0} {0}", record), record + " --from-s 1",
+        fmt::format("{} --truth {}", record, Recorded().truth),
         std::string("--lcm-url 'udpm://239.255.76.67:7667?ttl=0' --out ") + out_, std::string()}) {
     EXPECT_EQ(RunInShell(fmt::format("tumbler view {}", arguments)).exit_code, 1) << arguments;
   }

@@ -1,6 +1,7 @@
 // Joints of robots in the plane that move as others do: found, proved, made robust, and refused
 // where they cannot.
 
+#include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
@@ -11,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/core/index.h"
 #include "common/files/primitive_toml.h"
 #include "common/files/toml_reader.h"
 #include "offline/certify/certificate.h"
@@ -78,8 +80,8 @@ std::string JointsAt(const std::string& hip, const std::string& knee) {
   std::string joints;
   for (const std::string leg : kLegs) {
     const std::string sign = leg[0] == 'F' ? "" : "-", other = leg[0] == 'F' ? "-" : "";
-    joints += (joints.empty() ? "{ " : ", ") + leg + "_HIP = " + sign + hip + ", " + leg +
-              "_KNEE = " + other + knee;
+    joints += fmt::format("{}{}_HIP = {}{}, {}_KNEE = {}{}", joints.empty() ? "{ " : ", ", leg,
+                          sign, hip, leg, other, knee);
   }
   return joints + " }";
 }
@@ -180,10 +182,10 @@ std::vector<std::vector<double>> FreeDirections(const Problem& problem) {
     if (follows) continue;
     for (int i = 0; i < problem.joints[j].free_points(); ++i) {
       std::vector<double> direction(static_cast<std::size_t>(problem.parameter_count()));
-      direction[static_cast<std::size_t>(problem.first_parameter(j) + i)] = 1;
+      direction[Index(problem.first_parameter(j) + i)] = 1;
       for (const TiedJoint& tied : problem.tied) {
         if (tied.to != j) continue;
-        direction[static_cast<std::size_t>(problem.first_parameter(tied.joint) + i)] = tied.factor;
+        direction[Index(problem.first_parameter(tied.joint) + i)] = tied.factor;
       }
       directions.push_back(direction);
     }
