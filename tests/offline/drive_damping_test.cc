@@ -3,7 +3,7 @@
 
 #include "offline/scene/drive_damping.h"
 
-#include <gmock/gmock-matchers.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
