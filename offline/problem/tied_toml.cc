@@ -39,6 +39,33 @@ void RefuseLocked(const TomlTable& table, const std::string& name, const std::st
   });
 }
 
+/// Which of the problem's joints another joint is tied to.
+/// @param name     of that other joint.
+/// @param written  the name that is looked for, perhaps with a '-'.
+std::size_t LeaderNamed(const TomlTable& table, const std::string& name, const std::string& written,
+                        const Problem& problem) {
+  const std::string to = written.starts_with('-') ? written.substr(1) : written;
+  RefuseLocked(table, name, to, problem);
+  const auto found = std::ranges::find_if(
+      problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == to; });
+  if (found != problem.joints.end() && to != name && !table.Has(to))
+    return static_cast<std::size_t>(found - problem.joints.begin());
+  const bool is_joint = problem.WithScene(
+      [&](const auto& scene) { return scene.robot.FindDof(to) >= scene.robot.root_dofs; });
+  if (found == problem.joints.end() && is_joint) {
+    table.Fail(name, fmt::format("is tied to '{}', which has no motor ([passive]) that would move "
+                                 "it; leave it out here, or '{}' out of `passive`",
+                                 to, to));
+  }
+  std::string names;
+  for (const ActuatedJoint& joint : problem.joints)
+    names.append(names.empty() ? "" : ", ").append(problem.name_of(joint));
+  table.Fail(name,
+             fmt::format("is '{}'; allowed: another joint that is tied to none, or '-' and its "
+                         "name where it moves the other way round; the joints: {}",
+                         written, names));
+}
+
 /// Checks that a joint's path can be the other's, times the factor, and makes its ends those of
 /// that path where they differ by a rounding.
 void MakeFollow(const TomlTable& table, const TiedJoint& tied, Problem& problem) {
@@ -51,16 +78,23 @@ void MakeFollow(const TomlTable& table, const TiedJoint& tied, Problem& problem)
                                  joint.control_points, other, to.control_points));
   }
   constexpr double kSame = 1e-9;
+  const bool opposite = tied.factor < 0;
   const auto follow = [&](double& value, double of_other, const char* what, const char* unit) {
-    if (value == tied.factor * of_other) return;
-    if (std::abs(value - tied.factor * of_other) <= kSame) {
+    const double needed = tied.factor * of_other + 0.0;  // not -0
+    if (value == needed) return;
+    if (std::abs(value - needed) <= kSame) {
       value = tied.factor * of_other;
       return;
     }
+    const auto [is, needs] = DistinctNumbers(value, needed);
+    const bool other_way = std::abs(value + needed) <= kSame;
     table.Fail(name, fmt::format("is tied to '{}{}', and {} is {} {} where that needs {}; give "
-                                 "both the same ends, or leave it out",
-                                 tied.factor < 0 ? "-" : "", other, what, MessageNumber(value),
-                                 unit, MessageNumber(tied.factor * of_other)));
+                                 "both {} ends{}, or leave it out",
+                                 opposite ? "-" : "", other, what, is, unit, needs,
+                                 opposite ? "opposite" : "the same",
+                                 !other_way ? ""
+                                 : opposite ? ", or the name no '-'"
+                                            : ", or the name a '-'"));
   };
   follow(joint.start_rad, to.start_rad, "its start", "rad");
   follow(joint.end_rad, to.end_rad, "its end", "rad");
@@ -86,20 +120,9 @@ void ReadTied(TomlTable& root, Problem& problem) {
   for (const std::string& name : table->Keys()) {
     TiedJoint tied;
     tied.joint = JointNamed(*table, name, problem);
-    std::string to = table->String(name);
-    if (to.starts_with('-')) {
-      tied.factor = -1;
-      to.erase(0, 1);
-    }
-    RefuseLocked(*table, name, to, problem);
-    const bool known = std::ranges::any_of(
-        problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == to; });
-    if (!known || to == name || table->Has(to)) {
-      table->Fail(name, fmt::format("is '{}'; allowed: another joint that is tied to none, or '-' "
-                                    "and its name where it moves the other way round",
-                                    table->String(name)));
-    }
-    tied.to = JointNamed(*table, to, problem);
+    const std::string to = table->String(name);
+    if (to.starts_with('-')) tied.factor = -1;
+    tied.to = LeaderNamed(*table, name, to, problem);
     MakeFollow(*table, tied, problem);
     problem.tied.push_back(tied);
   }

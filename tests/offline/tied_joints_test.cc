@@ -401,13 +401,14 @@ TEST(TiedInThePlane, WhatCannotFollowIsRefused) {
   EXPECT_THAT(of(R"(FL_HIP = "-FL_HIP")"), HasSubstr("allowed: another joint"));
   EXPECT_THAT(of(R"(HL_HIP = "FL_HIP")"),
               HasSubstr("tied.HL_HIP: is tied to 'FL_HIP', and its start is -0.9 rad where that "
-                        "needs 0.9"));
+                        "needs 0.9; give both the same ends, or the name a '-', or leave it out"));
   EXPECT_THAT(of(R"(HL_HIP = "--FL_HIP")"), HasSubstr("allowed: another joint"));
   EXPECT_THAT(of(R"(HL_HIP = "")"), HasSubstr("allowed: another joint"));
   EXPECT_THAT(of(R"(TAIL = "FL_HIP")"), HasSubstr("is not a joint of the robot"));
   EXPECT_THAT(of("HL_HIP = 1.0"), HasSubstr("tied.HL_HIP"));
   EXPECT_THAT(MistakeIn(Replaced(RiseTask(), "HR_HIP = -0.6", "HR_HIP = -0.7")),
-              HasSubstr("tied.HR_HIP: is tied to '-FL_HIP', and its end is -0.7 rad"));
+              HasSubstr("tied.HR_HIP: is tied to '-FL_HIP', and its end is -0.7 rad where that "
+                        "needs -0.6; give both opposite ends, or leave it out"));
   EXPECT_THAT(
       MistakeIn(Replaced(RiseTask(), "control_points = 8",
                          "control_points = { FL_HIP = 9, FL_KNEE = 8, FR_HIP = 8, FR_KNEE = 8, "
@@ -432,7 +433,7 @@ TEST(TiedInThePlane, ToAJointOrOfOneThatIsLockedOrHasNoMotorIsRefused) {
   EXPECT_THAT(MistakeIn(Without("HL_KNEE", "1.8", "1.2", "[passive.HL" + passive)),
               HasSubstr("tied.HL_KNEE: has no motor"));
   EXPECT_THAT(MistakeIn(Without("FL_KNEE", "-1.8", "-1.2", "[passive.FL" + passive)),
-              HasSubstr("allowed: another joint that is tied to none"));
+              HasSubstr("is tied to 'FL_KNEE', which has no motor ([passive])"));
 }
 
 }  // namespace
