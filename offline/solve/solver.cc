@@ -619,6 +619,7 @@ SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> gues
   outcome.evaluations = outcome.solutions.front().evaluations;
   outcome.history = std::move(refinement.history());
   outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
+  if (problem.solver.prove) Converge(problem, options, outcome);
   return outcome;
 }
 

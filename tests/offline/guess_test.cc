@@ -222,6 +222,20 @@ TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
   }
 }
 
+TEST(SolveFromGuess, GoesOnToTheMinimumWhereAProofIsAskedFor) {
+  const std::string text = Scaled(Known().provenance.task_toml, "mu = ", 1.1);
+  Problem problem =
+      ParseTask(text, "task.toml", Known().provenance.robot_urdf, "robot.urdf").problem;
+  const std::vector<double> guess = GuessFrom(problem, Known(), "known.toml");
+  const Solution near = SolveFromGuess(problem, guess, {}).solutions.front();
+  EXPECT_EQ(near.end, SolveEnd::kEnough);
+  problem.solver.prove = true;
+  const Solution proved = SolveFromGuess(problem, guess, {}).solutions.front();
+  EXPECT_EQ(proved.end, SolveEnd::kConverged);
+  EXPECT_LT(proved.kkt.absolute, 1e-3 * near.kkt.absolute);
+  EXPECT_LT(proved.rollout.cost, near.rollout.cost);
+}
+
 PrimitiveFile ShippedMotion(const std::string& name) {
   return LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
 }
