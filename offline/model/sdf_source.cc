@@ -197,13 +197,14 @@ class SdfSourceReader {
                                value));
   }
 
+  /// The library says where a type is missing; parameters of an include need not have it.
   void CheckJoint(const XMLElement& joint) const {
     const char* const type = joint.Attribute("type");
     if (type == nullptr ||
-        std::find(kSdfJointTypes.begin(), kSdfJointTypes.end(), type) == kSdfJointTypes.end()) {
-      Fail(joint, fmt::format("its type is '{}'; allowed: {}", type == nullptr ? "" : type,
-                              fmt::join(kSdfJointTypes, ", ")));
-    }
+        std::find(kSdfJointTypes.begin(), kSdfJointTypes.end(), type) != kSdfJointTypes.end())
+      return;
+    Fail(joint,
+         fmt::format("its type is '{}'; allowed: {}", type, fmt::join(kSdfJointTypes, ", ")));
   }
 
   void CheckNumbers(const XMLElement& element, const SdfNumbers& row) const {

@@ -667,6 +667,9 @@ TEST(Sdf, ATextOfNumbersIsNumbersAsAWhole) {
 TEST(Sdf, AnUnknownTypeOfJointIsRefusedWithThoseThatThereAre) {
   EXPECT_THAT(RefusalOf(Jointed("<xyz>0 0 1</xyz>", "bogus")),
               HasSubstr("robot.sdf:4: joint 'j': its type is 'bogus'; allowed: revolute, "));
+  EXPECT_THAT(RefusalOf(Model("<link name='x'/><link name='y'/>\n<joint name='j'><parent>x</parent>"
+                              "<child>y</child></joint>")),
+              HasSubstr("robot.sdf:4: libsdformat does not take it: "));
 }
 
 TEST(Sdf, OfSeveralCausesTheFirstIsSaidAndHowManyFollow) {
