@@ -30,337 +30,23 @@ bool IsSdf(const std::string& path) {
 
 #ifdef TUMBLER_WITH_SDFORMAT
 
-#include <console_bridge/console.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <sdf/sdf.hh>
-#include <set>
-#include <sstream>
 #include <utility>
 #include <vector>
 
 #include "offline/model/pose.h"
+#include "offline/model/sdf_file.h"
 
 namespace tumbler {
 namespace {
-
-/// What the library says on its console, while this lives. It would also open a log in the home
-/// folder, when the console is first asked for.
-class SdfConsole {
- public:
-  SdfConsole() : console_(First()), before_(console_->GetMsgStream().GetStream()) {
-    console_->GetMsgStream().SetStream(&said_);
-    // It tries a file that is no SDF as a URDF, too, whose reader would complain.
-    console_bridge::noOutputHandler();
-  }
-  ~SdfConsole() {
-    console_bridge::restorePreviousOutputHandler();
-    console_->GetMsgStream().SetStream(before_);
-  }
-  SdfConsole(const SdfConsole&) = delete;
-  SdfConsole& operator=(const SdfConsole&) = delete;
-
-  /// Each message in a line, without colours and the place in the library's source.
-  [[nodiscard]] std::vector<std::string> Messages() const {
-    constexpr std::string_view kColour = "\033[1;", kPlain = "\033[0m";
-    std::vector<std::string> messages;
-    const std::string text = said_.str();
-    for (std::size_t at = text.find(kColour); at < text.size();) {
-      const std::size_t next = std::min(text.find(kColour, at + 1), text.size());
-      std::string message = text.substr(at, next - at);
-      at = next;
-      if (const std::size_t head = message.find(kPlain); head != std::string::npos)
-        message.erase(0, head + kPlain.size());
-      std::string line;
-      std::istringstream words(message);
-      for (std::string word; words >> word;) line += (line.empty() ? "" : " ") + word;
-      if (std::find(messages.begin(), messages.end(), line) == messages.end())
-        messages.push_back(line);
-    }
-    return messages;
-  }
-
- private:
-  static sdf::ConsolePtr First() {
-    const char* const home = std::getenv("HOME");  // NOLINT(concurrency-mt-unsafe)
-    const std::optional<std::string> kept =
-        home == nullptr ? std::nullopt : std::optional<std::string>(home);
-    setenv("HOME", "/dev/null", 1);  // NOLINT(concurrency-mt-unsafe)
-    sdf::ConsolePtr console = sdf::Console::Instance();
-    if (kept) {
-      setenv("HOME", kept->c_str(), 1);  // NOLINT(concurrency-mt-unsafe)
-    } else {
-      unsetenv("HOME");  // NOLINT(concurrency-mt-unsafe)
-    }
-    return console;
-  }
-
-  sdf::ConsolePtr console_;
-  std::ostream* before_;
-  std::ostringstream said_;
-};
-
-/// A file of SDF, as the library has it. What is wrong is thrown.
-class SdfFile {
- public:
-  explicit SdfFile(const std::string& path)
-      : path_(path), absolute_(std::filesystem::absolute(path)) {
-    sdf::ParserConfig config;
-    config.SetUnrecognizedElementsPolicy(sdf::EnforcementPolicy::WARN);
-    config.SetFindCallback([this](const std::string& uri) { return Find(uri); });
-    const SdfConsole console;
-    int includes = 0;
-    CheckIncludes(absolute_, config, {}, includes);
-    // A path that is not absolute is one of the library's own files, if it has such a one.
-    const sdf::Errors errors = root_.Load(absolute_.string(), config);
-    const std::vector<std::string> said = console.Messages();
-    Refuse(errors, said);
-    for (const std::string& message : said) notes.push_back(WithPlaceFirst(message));
-    FindModel();
-  }
-
-  [[nodiscard]] const sdf::Model& model() const { return *model_; }
-  [[nodiscard]] const std::filesystem::path& absolute() const { return absolute_; }
-
-  [[noreturn]] void Fail(const sdf::ElementPtr& at, const std::string& key,
-                         const std::string& problem) const {
-    throw FileError(NameOf(at), LineOf(at), key, problem);
-  }
-  /// As the caller named it, where it is the same.
-  [[nodiscard]] std::string NameOf(const sdf::ElementPtr& at) const {
-    return at == nullptr ? path_ : NameOf(at->FilePath());
-  }
-  static std::uint32_t LineOf(const sdf::ElementPtr& at) {
-    return at == nullptr ? 0
-                         : static_cast<std::uint32_t>(std::max(0, at->LineNumber().value_or(0)));
-  }
-
-  std::vector<std::string> notes;
-
- private:
-  [[nodiscard]] std::string NameOf(const std::string& file) const {
-    return file.empty() || file == absolute_ ? path_ : file;
-  }
-
-  /// The library reads files that include themselves until its stack is full, and those that
-  /// include many that include many until the memory is.
-  /// @param above  the files that include this one.
-  /// @param total  is counted up.
-  void CheckIncludes(const std::filesystem::path& file,  // NOLINT(misc-no-recursion)
-                     const sdf::ParserConfig& config, std::vector<std::filesystem::path> above,
-                     int& total) const {
-    constexpr int kMostIncludes = 1000;
-    std::error_code none;
-    above.push_back(std::filesystem::weakly_canonical(file, none));
-    const std::string text = ReadTextFile(file.string());
-    // A URDF may have as many, for 900 of which the library takes 2 s.
-    constexpr int kMostLinks = 1000;
-    int links = 0;
-    for (std::size_t at = text.find("<link "); at != std::string::npos;
-         at = text.find("<link ", at + 1))
-      ++links;
-    if (links > kMostLinks) {
-      throw FileError(NameOf(file.string()), 0, "",
-                      fmt::format("has {} links; allowed: at most {}", links, kMostLinks));
-    }
-    for (const auto& [line, uri] : IncludesOf(text)) {
-      std::string found = sdf::findFile(uri, true, true, config);
-      if (std::filesystem::is_directory(found, none)) found = sdf::getModelFilePath(found);
-      if (!std::filesystem::is_regular_file(found, none)) continue;  // The library says so.
-      if (std::find(above.begin(), above.end(), std::filesystem::weakly_canonical(found, none)) !=
-          above.end()) {
-        throw FileError(NameOf(file.string()), line, "<include>",
-                        fmt::format("'{}' leads back to this file; allowed: files that do not "
-                                    "include themselves",
-                                    uri));
-      }
-      if (++total > kMostIncludes) {
-        throw FileError(NameOf(file.string()), line, "<include>",
-                        fmt::format("there are more than {} of them in all", kMostIncludes));
-      }
-      CheckIncludes(found, config, above, total);
-    }
-  }
-
-  /// Lines and URIs of `<include>` elements.
-  static std::vector<std::pair<std::uint32_t, std::string>> IncludesOf(const std::string& text) {
-    constexpr std::string_view kComment = "<!--", kInclude = "<include", kUri = "<uri>";
-    std::vector<std::pair<std::uint32_t, std::string>> found;
-    std::uint32_t line = 1;
-    bool included = false;
-    for (std::size_t at = 0; at < text.size(); ++at) {
-      const std::string_view rest = std::string_view(text).substr(at);
-      if (rest.front() == '\n') ++line;
-      if (rest.front() != '<') continue;
-      if (rest.starts_with(kComment)) {
-        const std::size_t end = std::min(text.find("-->", at), text.size());
-        line += static_cast<std::uint32_t>(
-            std::count(text.begin() + static_cast<std::ptrdiff_t>(at),
-                       text.begin() + static_cast<std::ptrdiff_t>(end), '\n'));
-        at = end;
-      } else if (rest.starts_with(kInclude)) {
-        included = true;
-      } else if (included && rest.starts_with(kUri)) {
-        const std::string_view uri = rest.substr(kUri.size(), rest.find('<', 1) - kUri.size());
-        const std::size_t first = uri.find_first_not_of(" \t\r\n");
-        if (first != std::string_view::npos) {
-          found.emplace_back(
-              line, std::string(uri.substr(first, uri.find_last_not_of(" \t\r\n") + 1 - first)));
-        }
-        included = false;
-      }
-    }
-    return found;
-  }
-
-  /// A file or folder of a URI; empty: there is none.
-  [[nodiscard]] std::string Find(const std::string& uri) const {
-    const std::size_t scheme = uri.find("://");
-    const std::string_view kind = std::string_view(uri).substr(0, std::min(scheme, uri.size()));
-    if (scheme != std::string::npos && kind != "model" && kind != "package" && kind != "file")
-      return "";
-    const std::string name = scheme == std::string::npos ? uri : uri.substr(scheme + 3);
-    std::error_code none;
-    for (std::filesystem::path folder = absolute_.parent_path();; folder = folder.parent_path()) {
-      if (!name.empty() && std::filesystem::exists(folder / name, none))
-        return (folder / name).string();
-      if (folder == folder.parent_path()) return "";
-    }
-  }
-
-  /// The library's `[PATH OF XML:FILE:LLINE]: MESSAGE` as others write it.
-  [[nodiscard]] std::string WithPlaceFirst(const std::string& message) const {
-    const std::string file = absolute_.string() + ":L";
-    const std::size_t at = message.find(file), end = message.find("]: ");
-    if (!message.starts_with('[') || end == std::string::npos || at > end) return message;
-    const std::size_t line = at + file.size();
-    return fmt::format("{}:{}: {}", path_, message.substr(line, end - line),
-                       message.substr(end + 3));
-  }
-
-  /// @param said  by the library on its console, which has alone why it cannot read a file.
-  void Refuse(const sdf::Errors& errors, const std::vector<std::string>& said) const {
-    std::vector<std::string> problems;
-    const auto add = [&problems](const std::string& problem) {
-      if (std::find(problems.begin(), problems.end(), problem) == problems.end())
-        problems.push_back(problem);
-    };
-    std::optional<std::string> file;
-    std::uint32_t line = 0;
-    std::map<std::string, std::uint32_t> lines;  // of the elements that have a name
-    if (!errors.empty() && root_.Element() != nullptr) AddLines(root_.Element(), lines);
-    for (const sdf::Error& error : errors) {
-      if (error.Code() != sdf::ErrorCode::FILE_READ) continue;
-      for (const std::string& message : said) {
-        add(message);
-        if (const std::size_t at = message.find(kLineOfXml); at != std::string::npos) {
-          line = static_cast<std::uint32_t>(
-              std::strtoul(message.c_str() + at + kLineOfXml.size(), nullptr, 10));
-        }
-      }
-    }
-    for (const sdf::Error& error : errors) {
-      // FindModel takes the first, and says so.
-      if (error.Message().starts_with("Root object can only contain one model")) continue;
-      if (!file) file = NameOf(error.FilePath().value_or(""));
-      if (line == 0) line = static_cast<std::uint32_t>(std::max(0, error.LineNumber().value_or(0)));
-      if (line == 0) line = LineIn(lines, error.Message());
-      add(error.Message());
-    }
-    if (!file) return;
-    constexpr std::size_t kShown = 4;
-    const std::size_t shown = std::min(kShown, problems.size()), more = problems.size() - shown;
-    problems.resize(shown);
-    throw FileError(*file, line, "",
-                    fmt::format("libsdformat does not take it: {}{}", fmt::join(problems, "; "),
-                                more > 0 ? fmt::format(" (and {} more)", more) : ""));
-  }
-
-  static void AddLines(const sdf::ElementPtr& element,  // NOLINT(misc-no-recursion)
-                       std::map<std::string, std::uint32_t>& lines) {
-    if (element->HasAttribute("name"))
-      lines.emplace(element->Get<std::string>("name"), LineOf(element));
-    for (sdf::ElementPtr e = element->GetFirstElement(); e != nullptr; e = e->GetNextElement())
-      AddLines(e, lines);
-  }
-
-  /// The line of what a message names, as `[a::NAME]` or `named NAME`; 0: of nothing.
-  static std::uint32_t LineIn(const std::map<std::string, std::uint32_t>& lines,
-                              const std::string& message) {
-    const auto line_of = [&lines](const std::string& name) {
-      const std::size_t scope = name.rfind("::");
-      const auto found = lines.find(scope == std::string::npos ? name : name.substr(scope + 2));
-      return found == lines.end() ? 0U : found->second;
-    };
-    for (std::size_t at = 0; at < message.size(); ++at) {
-      std::size_t first = std::string::npos, end = first;
-      if (message[at] == '[') {
-        first = at + 1;
-        end = message.find(']', first);
-      } else if (message.compare(at, 6, "named ") == 0) {
-        first = at + 6;
-        end = message.find(' ', first);
-      }
-      if (end == std::string::npos) continue;
-      if (const std::uint32_t line = line_of(message.substr(first, end - first)); line > 0)
-        return line;
-    }
-    return 0;
-  }
-
-  void FindModel() {
-    model_ = root_.Model();
-    std::vector<std::string> others;
-    if (model_ != nullptr) {
-      const sdf::ElementPtr first = root_.Element()->FindElement("model");
-      for (sdf::ElementPtr e = first; e != nullptr; e = e->GetNextElement("model")) {
-        if (e != first) others.push_back(e->Get<std::string>("name"));
-      }
-    }
-    for (std::uint64_t w = 0; w < root_.WorldCount(); ++w) {
-      const sdf::World& world = *root_.WorldByIndex(w);
-      for (std::uint64_t k = 0; k < world.ModelCount(); ++k) {
-        const sdf::Model* const model = world.ModelByIndex(k);
-        if (model_ != nullptr) {
-          others.push_back(model->Name());
-          continue;
-        }
-        model_ = model;
-        const auto g = world.Gravity();
-        if (std::abs(g.X()) + std::abs(g.Y()) > 1e-9 || std::abs(g.Z() + 9.8) > 0.05) {
-          notes.push_back(fmt::format(
-              "the world's gravity of {} {} {} is left out: that of a robot is 9.81 m/s^2 down",
-              g.X(), g.Y(), g.Z()));
-        }
-      }
-    }
-    if (model_ == nullptr) {
-      Fail(nullptr, "",
-           "there is no <model> in it; a robot is one <model>, in <sdf> or in its first <world>");
-    }
-    if (!others.empty()) {
-      notes.push_back(
-          fmt::format("the model '{}' is taken, and not '{}': put another one into a file of its "
-                      "own to have it",
-                      model_->Name(), fmt::join(others, "', '")));
-    }
-  }
-
-  static constexpr std::string_view kLineOfXml = "Line number=";
-
-  std::string path_;
-  std::filesystem::path absolute_;
-  sdf::Root root_;
-  const sdf::Model* model_ = nullptr;
-};
 
 Pose InverseOf(const Pose& pose) {
   return {pose.rotation.transpose(), -pose.rotation.TransposeTimes(pose.translation)};
@@ -384,6 +70,9 @@ constexpr std::array kSdfLeftOut = {
     std::pair{"physics", "settings of the physics of joints"},
 };
 
+/// Numbers as large as these stand for no end, and no limit, in SDF.
+constexpr double kNoEndInSdf = 1e15;
+
 class SdfConverter {
  public:
   SdfConverter(SdfFile& file, std::optional<double> velocity)
@@ -401,7 +90,7 @@ class SdfConverter {
     for (const LinkOfSdf& link : links_) AddLink(link);
     if (model.Static() && !on_world) {
       const LinkOfSdf& root = links_[root_];
-      urdf_.Add({.name = fmt::format("{}_mount", root.name),
+      urdf_.Add({.name = NewJointName(fmt::format("{}_mount", root.name)),
                  .parent = kSdfWorld,
                  .child = root.name,
                  .place = InverseOf(world) * root.frame});
@@ -421,15 +110,19 @@ class SdfConverter {
       Note(fmt::format("left out: {} ({}){}{}", kind, names.size(), named.empty() ? "" : ": ",
                        named));
     }
-    if (!without_inertial_.empty()) {
-      Note(fmt::format("without <inertial>, for which SDF has 1 kg and 1 kg m^2: {}",
-                       Named(without_inertial_)));
-    }
+    for (const auto& [what, names] : defaults_)
+      Note(fmt::format("without {}: {}", what, Named(names)));
     if (without_velocity_ > 0 && !velocity_) {
       Note(
           fmt::format("{} of {} joints have no limit of velocity, which a task needs: --velocity "
                       "gives it",
                       without_velocity_, joints_.size()));
+    }
+    if (without_effort_ > 0) {
+      Note(
+          fmt::format("{} of {} joints have no limit of effort, which a task needs: <effort> of "
+                      "<limit> gives it",
+                      without_effort_, joints_.size()));
     }
     return {urdf_.Finish(), std::move(file_.notes)};
   }
@@ -452,6 +145,13 @@ class SdfConverter {
   };
 
   void Note(std::string note) { file_.notes.push_back(std::move(note)); }
+
+  /// A name that no joint has.
+  [[nodiscard]] std::string NewJointName(std::string name) const {
+    const auto has_name = [&name](const JointOfSdf& joint) { return joint.name == name; };
+    while (std::any_of(joints_.begin(), joints_.end(), has_name)) name.push_back('_');
+    return name;
+  }
 
   /// The first names of a list; those that are empty are none.
   static std::string Named(std::vector<std::string> names) {
@@ -588,7 +288,7 @@ class SdfConverter {
     const Pose placed = InverseOf(from.frame) * from.in_model;
     const auto& inertial = from.link->Inertial();
     const auto moments = inertial.MassMatrix().Moi();
-    if (!at->HasElement("inertial")) without_inertial_.push_back(from.name);
+    NoteDefaults(from);
     UrdfInertial& made = link.inertial.emplace();
     made.pose = placed * ToPose(inertial.Pose(), at, key);
     made.mass_kg = Finite(inertial.MassMatrix().Mass(), at, key, "its mass");
@@ -608,6 +308,37 @@ class SdfConverter {
     if (at->HasElement("kinematic") && at->Get<bool>("kinematic"))
       Note(fmt::format("{} is <kinematic> in Gazebo; here it moves as the others do", key));
     urdf_.Add(link);
+  }
+
+  /// Remembers what the library has put in for what an inertial has not.
+  void NoteDefaults(const LinkOfSdf& link) {
+    const auto given = [](const sdf::ElementPtr& in, const std::string& name) -> sdf::ElementPtr {
+      if (!in->HasElement(name)) return nullptr;
+      sdf::ElementPtr found = in->FindElement(name);
+      return found->GetExplicitlySetInFile() ? found : nullptr;
+    };
+    const auto note = [&](const std::string& name, const char* value) {
+      defaults_[fmt::format("<{}>, for which SDF has {}", name, value)].push_back(link.name);
+    };
+    const sdf::ElementPtr inertial = given(link.link->Element(), "inertial");
+    if (inertial == nullptr) {
+      note("inertial", "1 kg and 1 kg m^2");
+      return;
+    }
+    if (given(inertial, "mass") == nullptr) note("mass", "1 kg");
+    const sdf::ElementPtr inertia = given(inertial, "inertia");
+    if (inertia == nullptr) {
+      note("inertia", "1 kg m^2");
+      return;
+    }
+    for (const char* const moment : {"ixx", "iyy", "izz"}) {
+      if (given(inertia, moment) == nullptr) note(moment, "1 kg m^2");
+    }
+    for (const char* const product : {"ixy", "ixz", "iyz"}) {
+      if (given(inertia, product) != nullptr) continue;
+      defaults_["<ixy>, <ixz> or <iyz>, for which SDF has 0"].push_back(link.name);
+      break;
+    }
   }
 
   template <class Shape>
@@ -699,19 +430,14 @@ class SdfConverter {
     CheckPose(axis->ResolveXyz(xyz), at, key);
     UrdfMotion motion{.slides = joint.Type() == sdf::JointType::PRISMATIC, .axis = ToVector(xyz)};
     for (int i = 0; i < 3; ++i) Finite(motion.axis[i], at, key, "a number of <xyz>");
-    // Numbers as large as these stand for no end in SDF.
-    constexpr double kNoEnd = 1e15, kFarEnd = 1000;
-    const double lower = axis->Lower(), upper = axis->Upper();
-    if (std::isnan(lower) || std::isnan(upper))
-      file_.Fail(at, key, "an end of <limit> is NaN; allowed: a number");
-    if (joint.Type() != sdf::JointType::CONTINUOUS && (lower > -kNoEnd || upper < kNoEnd))
-      motion.range = {std::max(lower, -kFarEnd), std::min(upper, kFarEnd)};
+    motion.range = RangeOf(joint, *axis, key);
     const auto limit = [&](double value, const char* what) -> std::optional<double> {
       if (std::isnan(value)) Finite(value, at, key, what);
-      if (value >= kNoEnd) return std::nullopt;
+      if (value >= kNoEndInSdf) return std::nullopt;
       return value;
     };
     motion.effort = limit(axis->Effort(), "<effort>");
+    if (!motion.effort) ++without_effort_;
     motion.velocity = limit(axis->MaxVelocity(), "<velocity>");
     if (!motion.velocity) {
       ++without_velocity_;
@@ -719,11 +445,39 @@ class SdfConverter {
     }
     motion.damping = Finite(axis->Damping(), at, key, "<damping>");
     motion.friction = Finite(axis->Friction(), at, key, "<friction>");
+    if (at->HasElement("mimic"))
+      Note(fmt::format("{}: its <mimic> is left out: the joint moves for itself", key));
     if (axis->SpringStiffness() != 0) {
       Note(fmt::format("{}: its spring of {} is left out ([passive] has springs)", key,
                        axis->SpringStiffness()));
     }
     return motion;
+  }
+
+  /// Ends of a joint; none: it has no end.
+  std::optional<std::pair<double, double>> RangeOf(const sdf::Joint& joint,
+                                                   const sdf::JointAxis& axis,
+                                                   const std::string& key) {
+    constexpr double kFarEnd = 1000;
+    double lower = axis.Lower(), upper = axis.Upper();
+    if (std::isnan(lower) || std::isnan(upper))
+      file_.Fail(axis.Element(), key, "an end of <limit> is NaN; allowed: a number");
+    const bool has_lower = lower > -kNoEndInSdf, has_upper = upper < kNoEndInSdf;
+    if (joint.Type() == sdf::JointType::CONTINUOUS || (!has_lower && !has_upper))
+      return std::nullopt;
+    if (!has_lower) lower = std::min(0.0, upper) - kFarEnd;
+    if (!has_upper) upper = std::max(0.0, lower) + kFarEnd;
+    if (!has_lower || !has_upper) {
+      Note(fmt::format("{}: its <limit> has no {} end: {} is written", key,
+                       has_lower ? "upper" : "lower", has_lower ? upper : lower));
+    }
+    if (lower > upper) {
+      file_.Fail(axis.Element(), key,
+                 fmt::format("<lower> is {} and <upper> is {}; allowed: an upper end that is not "
+                             "below the lower one",
+                             lower, upper));
+    }
+    return std::pair(lower, upper);
   }
 
   void NoteWhatIsLeftOut(const sdf::ElementPtr& element) {  // NOLINT(misc-no-recursion)
@@ -746,9 +500,9 @@ class SdfConverter {
   std::map<std::string, std::size_t> index_;  // of links, by name
   std::vector<JointOfSdf> joints_;
   std::size_t root_ = 0;  // the link that nothing carries, where the world is not the root
-  std::size_t without_velocity_ = 0;
+  std::size_t without_velocity_ = 0, without_effort_ = 0;
   std::map<std::string, std::vector<std::string>> left_out_;  // names, by kind
-  std::vector<std::string> without_inertial_;
+  std::map<std::string, std::vector<std::string>> defaults_;  // names of links, by what they lack
 };
 
 }  // namespace

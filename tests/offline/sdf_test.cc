@@ -27,6 +27,7 @@
 namespace tumbler {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -339,8 +340,7 @@ TEST(Sdf, RandomRobotsMoveAsTheirPosesInTheWorldHaveIt) {
   }
 }
 
-// ---- what is taken, noted and refused
-// ------------------------------------------------------------
+// ---- what is taken, noted and refused -----------------------------------------------------------
 
 std::string Model(const std::string& content) {
   return "<sdf version='1.9'>\n<model name='m'>\n" + content + "\n</model></sdf>\n";
@@ -505,7 +505,7 @@ TEST(Sdf, BadFilesAreRefusedByLineAndInTheLibrarysWords) {
        "robot.sdf:3: libsdformat does not take it: FrameAttachedToGraph cycle detected"},
       {Model("<link name='x'/><link name='y'/><joint name='j' type='revolute'><parent>x</parent>"
              "<child>y</child><axis><xyz>0 0 0</xyz></axis></joint>"),
-       "The norm of the xyz vector cannot be zero"},
+       "robot.sdf:3: joint 'j': <xyz> is '0 0 0'; allowed: a direction"},
       {Model("<link name='x'/><link name='y'/><joint name='j' type='revolute'><parent>x</parent>"
              "<child>y</child><axis><xyz>0 0 "
              "1</xyz><limit><lower>nan</lower></limit></axis></joint>"),
@@ -515,10 +515,183 @@ TEST(Sdf, BadFilesAreRefusedByLineAndInTheLibrarysWords) {
        "lacks <axis>"},
       {Model("<link name='x'/>\n" + Fixed("j", "x", "absent")), "robot.sdf:4: "},
   };
-  std::string many;
-  for (int k = 0; k < 1001; ++k) many += fmt::format("<link name='l{}'/>", k);
-  EXPECT_THAT(RefusalOf(Model(many)), HasSubstr("has 1001 links; allowed: at most 1000"));
   for (const auto& [text, message] : bad) EXPECT_THAT(RefusalOf(text), HasSubstr(message)) << text;
+}
+
+const char* const kInertial =
+    "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>";
+
+/// Links x and y, and the joint j between them, in line 4.
+std::string Jointed(const std::string& axis, const std::string& type = "revolute") {
+  return Model(
+      fmt::format("<link name='x'/><link name='y'/>\n<joint name='j' type='{}'><parent>x</parent>"
+                  "<child>y</child><axis>{}</axis></joint>",
+                  type, axis));
+}
+std::string Limited(const std::string& limit) {
+  return Jointed("<xyz>0 0 1</xyz><limit>" + limit + "</limit>");
+}
+
+TEST(Sdf, AnInertialThatGazeboWouldFindIsRefused) {
+  for (const char* const yes : {"true", "1"}) {
+    EXPECT_THAT(RefusalOf(fmt::format("<sdf version='1.11'><model name='m'>\n<link name='b'>"
+                                      "<inertial auto='{}'><density>500</density></inertial>"
+                                      "</link></model></sdf>",
+                                      yes)),
+                HasSubstr(fmt::format("robot.sdf:2: link 'b': <inertial auto='{}'>: masses are not "
+                                      "found from shapes and densities here. Give <mass> and "
+                                      "<inertia>",
+                                      yes)));
+  }
+  // Not of a model that is not taken.
+  EXPECT_THAT(RefusalOf(fmt::format("<sdf version='1.9'><world name='w'><model name='m'>"
+                                    "<link name='a'>{}</link></model><model name='n'>"
+                                    "<link name='b'><inertial auto='true'/></link></model>"
+                                    "</world></sdf>",
+                                    kInertial)),
+              HasSubstr("it was taken"));
+}
+
+TEST(Sdf, EveryDefaultOfAnInertialIsNoted) {
+  const auto notes = [](const std::string& inertial) {
+    return NotesOf(Read(Model("<link name='b'><inertial>" + inertial + "</inertial></link>")));
+  };
+  EXPECT_THAT(notes("<mass>2</mass>"),
+              HasSubstr("without <inertia>, for which SDF has 1 kg m^2: 'b'\n"));
+  EXPECT_THAT(notes("<inertia><iyy>1</iyy><izz>1</izz></inertia>"),
+              AllOf(HasSubstr("without <mass>, for which SDF has 1 kg: 'b'\n"),
+                    HasSubstr("without <ixx>, for which SDF has 1 kg m^2: 'b'\n"),
+                    HasSubstr("without <ixy>, <ixz> or <iyz>, for which SDF has 0: 'b'\n"),
+                    Not(HasSubstr("<iyy>"))));
+  EXPECT_EQ(notes("<mass>2</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz><ixy>0</ixy>"
+                  "<ixz>0</ixz><iyz>0</iyz></inertia>"),
+            "");
+}
+
+TEST(Sdf, VersionsThatTheLibraryCannotConvertAreRefusedAndNewerOnesNoted) {
+  const auto of = [](const std::string& attribute) {
+    return fmt::format("<!-- -->\n<sdf{}>\n<model name='m'><link name='b'>{}</link></model></sdf>",
+                       attribute, kInertial);
+  };
+  for (const char* const version : {"1.0", "1.1", "0.9", "1", "1.x", "new", ""}) {
+    EXPECT_THAT(
+        RefusalOf(of(fmt::format(" version='{}'", version))),
+        HasSubstr(fmt::format("robot.sdf:2: <sdf>: version = '{}'; allowed: 1.2 to 1.9", version)));
+  }
+  EXPECT_THAT(RefusalOf(of("")), HasSubstr("robot.sdf:2: <sdf>: lacks 'version'; allowed: 1.2 to"));
+  for (const char* const version : {"1.2", "1.5", "1.9"}) {
+    EXPECT_THAT(NotesOf(Read(of(fmt::format(" version='{}'", version)))), Not(HasSubstr("newer")));
+  }
+  EXPECT_THAT(NotesOf(Read(of(" version='1.11'"))),
+              HasSubstr("robot.sdf: its version 1.11 is newer than 1.9"));
+}
+
+TEST(Sdf, AJointThatFollowsAnotherIsNotedToMoveForItself) {
+  EXPECT_THAT(NotesOf(Read(Jointed("<xyz>0 0 1</xyz><mimic joint='k'><multiplier>2</multiplier>"
+                                   "</mimic>"))),
+              HasSubstr("joint 'j': its <mimic> is left out: the joint moves for itself\n"));
+}
+
+TEST(Sdf, EndsOfJointsAreThoseOfTheFileAndNeverCross) {
+  const auto written = [](const std::string& limit) { return Read(Limited(limit)).urdf; };
+  EXPECT_THAT(written("<lower>2000</lower><upper>3000</upper>"),
+              HasSubstr("lower=\"2000\" upper=\"3000\""));
+  EXPECT_THAT(written("<lower>2000</lower>"), HasSubstr("lower=\"2000\" upper=\"3000\""));
+  EXPECT_THAT(written("<upper>-5</upper>"), HasSubstr("lower=\"-1005\" upper=\"-5\""));
+  EXPECT_THAT(NotesOf(Read(Limited("<lower>-1</lower>"))),
+              HasSubstr("joint 'j': its <limit> has no upper end: 1000 is written\n"));
+  EXPECT_THAT(RefusalOf(Limited("<lower>1</lower><upper>-1</upper>")),
+              HasSubstr("robot.sdf:4: joint 'j': <lower> is 1 and <upper> is -1; allowed"));
+}
+
+TEST(Sdf, TheJointOfAStaticModelGetsANameThatNoOtherHas) {
+  const std::string urdf =
+      Read(Model("<static>1</static><link name='b'/><link name='c'/><joint name='b_mount' "
+                 "type='continuous'><parent>b</parent><child>c</child><axis><xyz>0 1 0</xyz></axis>"
+                 "</joint>"))
+          .urdf;
+  EXPECT_THAT(urdf, HasSubstr("<joint name=\"b_mount_\""));
+  EXPECT_EQ(ParseRobot(urdf, "m.urdf", RootKind::kFixed).links.size(), 3U);
+}
+
+TEST(Sdf, AxesWithoutADirectionAndSizesNotAboveZeroAreRefused) {
+  for (const char* const axis : {"1e300 1e300 0", "1e-300 1e-300 0", "0 0 0", "0 1e-4 0"}) {
+    EXPECT_THAT(RefusalOf(Jointed(fmt::format("<xyz>{}</xyz>", axis))),
+                HasSubstr(fmt::format("robot.sdf:4: joint 'j': <xyz> is '{}'; allowed: a direction",
+                                      axis)));
+  }
+  EXPECT_THAT(RefusalOf(Jointed("<xyz>0 -0.002 0</xyz>")), HasSubstr("axis xyz=\"0 -1 0\""));
+  const std::pair<const char*, const char*> shapes[] = {
+      {"<sphere><radius>-0.05</radius></sphere>", "<radius> is '-0.05'"},
+      {"<cylinder><radius>0</radius><length>1</length></cylinder>", "<radius> is '0'"},
+      {"<capsule><radius>1</radius><length>-1</length></capsule>", "<length> is '-1'"},
+      {"<box><size>1 0 1</size></box>", "<size> is '1 0 1'"}};
+  for (const auto& [shape, message] : shapes) {
+    EXPECT_THAT(
+        RefusalOf(Model(fmt::format("<link name='b'>\n<collision name='c'><geometry>{}"
+                                    "</geometry></collision></link>",
+                                    shape))),
+        HasSubstr(fmt::format("robot.sdf:4: link 'b': {}; allowed: sizes above 0", message)));
+  }
+}
+
+TEST(Sdf, ATextOfNumbersIsNumbersAsAWhole) {
+  const auto link = [](const char* content) {
+    return Model(fmt::format("<link name='b'>\n{}</link>", content));
+  };
+  const std::pair<std::string, const char*> bad[] = {
+      {link("<inertial><mass>1,5</mass></inertial>"), "4: link 'b': <mass> is '1,5'; allowed: a n"},
+      {link("<inertial><mass>1.5kg</mass></inertial>"), "4: link 'b': <mass> is '1.5kg'"},
+      {link("<inertial><mass>1 5</mass></inertial>"), "4: link 'b': <mass> is '1 5'"},
+      {link("<inertial><mass/></inertial>"), "4: link 'b': <mass> is ''"},
+      {link("<inertial><inertia><iyy>1e</iyy></inertia></inertial>"), "4: link 'b': <iyy> is '1e'"},
+      {link("<pose>0,1 0 0.5 0 0 0</pose>"),
+       "4: link 'b': <pose> is '0,1 0 0.5 0 0 0'; allowed: "
+       "numbers, which '0,1' is not"},
+      {link("<visual name='v'><geometry><box><size>1 1</size></box></geometry></visual>"),
+       "4: link 'b': <size> is '1 1'; allowed: 3 numbers"},
+      {Limited("<lower>-1rad</lower>"), "4: joint 'j': <lower> is '-1rad'"},
+      {Limited("<effort>5;</effort>"), "4: joint 'j': <effort> is '5;'"},
+      {Jointed("<xyz>0 0 1 0</xyz>"), "4: joint 'j': <xyz> is '0 0 1 0'; allowed: 3 numbers"}};
+  for (const auto& [text, message] : bad)
+    EXPECT_THAT(RefusalOf(text), HasSubstr(std::string("robot.sdf:") + message)) << text;
+  // Signs, exponents, infinities and spaces are those of numbers, and a plugin has its own.
+  EXPECT_THAT(RefusalOf(Model("<plugin name='p' filename='f'><pose>here</pose></plugin>"
+                              "<link name='x'/><link name='y'><pose> +1 -.5\n1.E1 0 0 0 </pose>"
+                              "</link><joint name='j' type='revolute'><parent>x</parent>"
+                              "<child>y</child><axis><xyz>0 0 +1</xyz><limit><lower>-inf</lower>"
+                              "<upper>1e16</upper></limit></axis></joint>")),
+              AllOf(HasSubstr("origin xyz=\"1 -0.5 10\""), HasSubstr("type=\"continuous\"")));
+}
+
+TEST(Sdf, AnUnknownTypeOfJointIsRefusedWithThoseThatThereAre) {
+  EXPECT_THAT(RefusalOf(Jointed("<xyz>0 0 1</xyz>", "bogus")),
+              HasSubstr("robot.sdf:4: joint 'j': its type is 'bogus'; allowed: revolute, "));
+  EXPECT_THAT(RefusalOf(Model("<link name='x'/><link name='y'/>\n<joint name='j'><parent>x</parent>"
+                              "<child>y</child></joint>")),
+              HasSubstr("robot.sdf:4: libsdformat does not take it: "));
+}
+
+TEST(Sdf, OfSeveralCausesTheFirstIsSaidAndHowManyFollow) {
+  EXPECT_THAT(
+      RefusalOf(Model("<link name='x'><pose>0 0 1</pose></link>")),
+      ::testing::ContainsRegex("robot.sdf:3: libsdformat does not take it: The value for "
+                               "[^;]* 3 were found instead in '0 0 1'. \\(and [0-9]+ more\\)$"));
+}
+
+TEST(Sdf, JointsWithoutALimitOfEffortAreNoted) {
+  EXPECT_THAT(NotesOf(Read(Limited("<lower>-1</lower><upper>1</upper>"))),
+              HasSubstr("1 of 1 joints have no limit of effort"));
+  EXPECT_THAT(NotesOf(Read(Limited("<effort>3</effort>"))), Not(HasSubstr("limit of effort")));
+}
+
+TEST(Sdf, FilesOfMoreFramesThanTheLibraryCanHoldAreRefusedBeforeItHasThem) {
+  std::string frames = "<link\nname='l0'/>";
+  for (int k = 1; k <= 3000; ++k)
+    frames += fmt::format("<frame\tname='l{}' attached_to='l{}'/>", k, k - 1);
+  EXPECT_THAT(RefusalOf(Model(frames)),
+              HasSubstr("there are 3002 links, joints, frames and models in all; allowed: at most "
+                        "3000"));
 }
 
 TEST(Sdf, NothingIsWrittenIntoTheHomeFolder) {
