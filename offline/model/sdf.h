@@ -25,8 +25,8 @@ bool IsSdf(const std::string& path);
 /// which is noted. What an inertial has not is that of SDF, 1 kg and 1 kg m^2, which is noted.
 ///
 /// Noted, and not in the URDF: materials, plugins, sensors, lights, springs, surfaces, and shapes
-/// that a URDF has not, and <mimic>; also what the library warns of, such as unknown elements, and
-/// a version above 1.9, the last that it knows.
+/// that a URDF has not, and `<mimic>`; also what the library warns of, such as unknown elements,
+/// and a version above 1.9, the last that it knows.
 ///
 /// An `<include>` is looked for in the file's folder and in those above it, with and without
 /// `model://`, and never in a network. A mesh of `model://` is one of `package://`.
