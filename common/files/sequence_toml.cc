@@ -14,6 +14,7 @@
 
 #include "common/core/index.h"
 #include "common/files/file_keys.h"
+#include "common/files/primitive_keys.h"
 #include "common/files/primitive_limits.h"
 #include "common/files/primitive_rounding.h"
 #include "common/files/sequence_keys.h"
@@ -38,12 +39,12 @@ class SequenceReader {
   }
 
   SequenceFile Read() {
-    if (root_.String("format", "") == "tumbler-primitive") {
+    if (root_.String("format", "") == kPrimitiveHeader.format) {
       root_.Fail("format",
-                 fmt::format("is 'tumbler-primitive', which is one motion; a sequence says '{}' "
-                             "and names the primitives that it plays. What a motion alone does is "
-                             "shown by tumbler run sim and tumbler view",
-                             kHeader.format));
+                 fmt::format("is '{}', which is one motion; a sequence says '{}' and names the "
+                             "primitives that it plays. What a motion alone does is shown by "
+                             "tumbler run sim and tumbler view",
+                             kPrimitiveHeader.format, kHeader.format));
     }
     ReadHeader(root_, kHeader);
     ReadKeys(root_, kNameKeys, file_.graph);

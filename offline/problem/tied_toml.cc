@@ -13,11 +13,16 @@
 namespace tumbler {
 namespace {
 
+/// The problem's joint of a name; the end: it has none.
+auto FindJoint(const Problem& problem, const std::string& name) {
+  return std::ranges::find_if(
+      problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == name; });
+}
+
 /// Which of the problem's joints has a name.
 std::size_t JointNamed(const TomlTable& table, const std::string& name, const Problem& problem) {
   RequireJoint(table, name, problem);
-  const auto found = std::ranges::find_if(
-      problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == name; });
+  const auto found = FindJoint(problem, name);
   if (found == problem.joints.end()) {
     table.Fail(name,
                "has no motor ([passive]), which could make it follow another joint; leave it out "
@@ -46,8 +51,7 @@ std::size_t LeaderNamed(const TomlTable& table, const std::string& name, const s
                         const Problem& problem) {
   const std::string to = written.starts_with('-') ? written.substr(1) : written;
   RefuseLocked(table, name, to, problem);
-  const auto found = std::ranges::find_if(
-      problem.joints, [&](const ActuatedJoint& joint) { return problem.name_of(joint) == to; });
+  const auto found = FindJoint(problem, to);
   if (found != problem.joints.end() && to != name && !table.Has(to))
     return static_cast<std::size_t>(found - problem.joints.begin());
   const bool is_joint = problem.WithScene(

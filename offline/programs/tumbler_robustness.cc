@@ -308,16 +308,20 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   return ExitStatus::kDone;
 }
 
-/// What a study of a motion in space does not have.
+/// What a study of a motion in space has.
+constexpr const char* kInSpace =
+    "--robots, --seed, --scale, --cycles, --branch, --hold-s (0 where it is left out), --push, "
+    "--period-s, --threads, --json, --quiet and the spreads of links and ground";
+
+/// What it does not have.
 void CheckSpaceOptions(const CommandLine& line) {
   for (const char* option :
        {"--get-ups", "--twin", "--sensor-faults", "--lanes", "--compare-lanes", "--drops",
         "--checkpoint", "--shard", "--merge", "--report", "--window", "--certify", "--drives"}) {
     if (!line.Given(option)) continue;
-    throw UsageError(option,
-                     "is for motions in the plane so far; this one is of a robot in space, "
-                     "for which there are --robots, --seed, --scale, --cycles, --branch, --hold-s, "
-                     "--push, --period-s, --threads, --json and the spreads of links and ground");
+    throw UsageError(option, fmt::format("is for motions in the plane so far; this one is of a "
+                                         "robot in space, for which there are {}",
+                                         kInSpace));
   }
 }
 
@@ -361,13 +365,13 @@ ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line(
-      "Plays a motion on robots that differ from the model, each through the runtime, "
-      "simulated drives and the twin, and tells how many are as asked after every motion. Robot "
-      "number i of a seed is the same whatever the number of robots, threads, processes (mpirun) "
-      "and shards. With --window: on which ground the model itself is as asked. A motion in space "
-      "takes --robots, --seed, --scale, --cycles, --branch, --hold-s (0 where it is left out), "
-      "--push, --period-s, --threads, --json and the spreads of links and ground; what else there "
-      "is, is for motions in the plane.",
+      fmt::format("Plays a motion on robots that differ from the model, each through the runtime, "
+                  "simulated drives and the twin, and tells how many are as asked after every "
+                  "motion. Robot number i of a seed is the same whatever the number of robots, "
+                  "threads, processes (mpirun) and shards. With --window: on which ground the "
+                  "model itself is as asked. A motion in space takes {}; what else there is, is "
+                  "for motions in the plane.",
+                  kInSpace),
       "tumbler robustness");
   line.SetFooter(kExitCodes);
   Declare(line, arguments);

@@ -294,8 +294,7 @@ std::string ToText(const SpaceStudyResult& result) {
   std::string text = fmt::format(
       "{}: {}\n  through drives of {} N m/rad and {} N m s/rad, setpoints every {:.3g} "
       "ms, the usual friction and delay, spreads x {}, seed {}{}{}; no protocol, executor or bus "
-      "is "
-      "simulated\n",
+      "is simulated\n",
       study.motion,
       result.share().of == 0 ? "no robot was judged" : ToText(result.share()) + " as asked",
       result.gains.kp_nm_per_rad, result.gains.kd_nm_s_per_rad, 1e3 * study.period_s, study.scale,

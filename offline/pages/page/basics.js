@@ -54,6 +54,9 @@ function fixed(value, digits) {
   return Number(text) === 0 ? text.replace('-', '') : text.replace('-', '−');
 }
 
+// The same of what may not be there.
+const shown = (value, digits) => (Number.isFinite(value) ? fixed(value, digits) : '–');
+
 function superscript(integer) {
   return String(integer).replace(/[-0-9]/g, (c) => (c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[c]));
 }

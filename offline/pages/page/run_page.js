@@ -80,7 +80,6 @@ const at = (times, column, t) => {
   if (column[i] === null || column[i + 1] === null) return null;
   return column[i] + ((t - times[i]) / (times[i + 1] - times[i])) * (column[i + 1] - column[i]);
 };
-const shown = (value, digits) => (value === null ? '–' : fixed(value, digits));
 
 // One time for all: from the earliest to the latest of any run.
 const spans = runs.flatMap((run) => [run.ticks, run.plan, run.truth]).filter((part) => part && part.times_s.length > 0)

@@ -58,8 +58,6 @@ function showPanel(t) {
 
 const plain = (value) => String(Number(value.toPrecision(4))).replace('-', '−');
 
-const fixedOrNone = (value, digits) => (value === null ? '–' : fixed(value, digits));
-
 function fillPlots() {
   byId('histories').hidden = data.plots.length === 0;
   const shade = settles ? {from: data.motion_s, to: motion.last, label: 'after'} : null;
@@ -72,7 +70,7 @@ function fillPlots() {
       x: [motion.first, motion.last], xLabel: 'time [s]', xTicks: niceTicks,
       note: hidden ? `limits lie outside: ${plot.limits.map(plain).join(', ')}` : '',
       curves: plot.series.map((s) => ({name: s.name, hue: `hue-${s.hue}`, kind: 'line', xs: motion.times, ys: s.values,
-        value: (t) => motion.value(s.values, t), read: (t) => fixedOrNone(motion.value(s.values, t), digits)})),
+        value: (t) => motion.value(s.values, t), read: (t) => shown(motion.value(s.values, t), digits)})),
       flag: (t) => `${fixed(t, 3)} s`,
       onHover: (t) => { state.hover = t; showPlots(); },
       onSeek: (t) => { pause(); seek(t); },

@@ -7,7 +7,6 @@ const scene = data.scene;
 const staleAfter = 0.5;  // s
 
 const isNumber = (value) => typeof value === 'number' && Number.isFinite(value);
-const shown = (value, digits) => (isNumber(value) ? fixed(value, digits) : '–');
 const setText = (id, text) => { if (byId(id).textContent !== text) byId(id).textContent = text; };
 
 // The motion of a robot that nobody knows beforehand: its last pose, and the way of its root.
