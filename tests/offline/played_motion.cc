@@ -73,9 +73,9 @@ std::string PlayedMotion::Play(Engine& engine) const {
   return "";
 }
 
-std::vector<RobotFactors> AHundredRobots(int links) {
+std::vector<RobotFactors> AHundredRobots(int links, std::uint64_t seed) {
   constexpr std::size_t kRobots = 100;
-  std::mt19937_64 random(100);
+  std::mt19937_64 random(seed);
   std::vector<RobotFactors> robots(kRobots);
   for (RobotFactors& robot : robots) {
     std::normal_distribution<double> normal;

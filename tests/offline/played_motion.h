@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <string>
@@ -58,9 +59,11 @@ struct RobotFactors {
   double mu = 1, stiffness = 1, damping = 1;
   std::vector<double> masses;  ///< Of the links, root first, each with its inertia.
 };
-/// A hundred robots, the same each time: the links' masses are 5 % off, the ground's friction,
-/// stiffness and damping 20 % (standard deviations).
-std::vector<RobotFactors> AHundredRobots(int links);
+/// Of the hundred robots of the document's tables.
+inline constexpr std::uint64_t kDocumentedRobots = 100;
+/// A hundred robots, the same each time with a seed: the links' masses are 5 % off, the ground's
+/// friction, stiffness and damping 20 % (standard deviations).
+std::vector<RobotFactors> AHundredRobots(int links, std::uint64_t seed = kDocumentedRobots);
 
 /// A motion of primitives/, and how many of its cycles are played.
 struct Shipped {
