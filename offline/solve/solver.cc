@@ -587,6 +587,13 @@ SolveOutcome SolveWithManyPoints(const Problem& problem, const SolveOptions& opt
   };
   SolveOptions searching = options;
   searching.accept = refine;
+  if (options.calm) {
+    // It judges motions of the problem. What was refined has been judged.
+    searching.calm = [&](const Solution& solution) {
+      const std::lock_guard<std::mutex> lock(mutex);
+      return !refined.at(solution.start).first.beside_cliff;
+    };
+  }
   SolveOutcome outcome = Campaign(coarse, searching).Run();
   // What keeps its limits was refined to be judged. When nothing did, the best one shows why.
   if (refined.empty() && !outcome.solutions.empty()) refine(outcome.solutions.front());

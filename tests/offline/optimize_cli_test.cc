@@ -100,6 +100,16 @@ TEST(OptimizeCli, AdvisesStifferDrivesWhereOnlyDrivesThatGiveWayLetTheRobotFall)
   EXPECT_THAT(program.text(), Not(HasSubstr("another --seed")));
 }
 
+TEST(OptimizeCli, FindsTheMotionOfAJointWithManyControlPoints) {
+  // Such a motion is looked for with fewer, and judged with all of them.
+  const testing::TemporaryFolder folder;
+  Program program({testing::ProgramPath("tumbler optimize"),
+                   testing::SourcePath("primitives/acrobot/tasks/swing_up.toml"), "--out",
+                   folder.path() / "swing_up.toml"});
+  EXPECT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "swing_up.toml"));
+}
+
 /// Runs a program as on a processor without wide vectors and fused multiplications: the C library
 /// chooses among its functions as if they were not there.
 Program OnAPlainProcessor(std::vector<std::string> command) {
