@@ -59,7 +59,7 @@ TaskPointer Replaced(const Task& self, const py::object& changes,
       TomlOfPython().attr("changed")(self.task_text, self.task_file, all).cast<std::string>();
   if (robot_text || all.contains("robot")) return TaskOfText(text, self.task_file, robot_text);
   return std::make_shared<Task>(Reading(self.task_file, [&](const std::string& name) {
-    return ParseTask(text, name, self.robot_text, self.robot_file, TaskSpaces::kPlaneAndSpace);
+    return ParseTask(text, name, self.robot_as_given, self.robot_file, TaskSpaces::kPlaneAndSpace);
   }));
 }
 
