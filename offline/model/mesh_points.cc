@@ -26,22 +26,25 @@ constexpr double kFlat = 1e-6;
 
 constexpr const char* kWhatElse = "or give the link spheres, cylinders or boxes instead";
 
+/// Checks the corners of a mesh in its own frame.
+void CheckFinite(const std::vector<SpaceVector>& corners) {
+  for (const SpaceVector& corner : corners) {
+    if (corner.allFinite()) continue;
+    throw MeshError(
+        fmt::format("has a corner at ({:g}, {:g}, {:g}); allowed: finite numbers; "
+                    "write it again",
+                    corner.x(), corner.y(), corner.z()));
+  }
+}
+
 /// Checks that a mesh is a body's. @param points  in the frame of the body.
 void CheckForm(const std::vector<SpaceVector>& points) {
   double reach = 0;
   SpaceVector mean = SpaceVector::Zero();
-  for (const SpaceVector& point : points) {
-    if (!point.allFinite()) {
-      throw MeshError(
-          fmt::format("has a corner at ({:g}, {:g}, {:g}); allowed: finite numbers; "
-                      "write it again",
-                      point.x(), point.y(), point.z()));
-    }
-    reach = std::max(reach, point.norm());
-  }
+  for (const SpaceVector& point : points) reach = std::max(reach, point.norm());
   if (reach > kMeshReach) {
     throw MeshError(
-        fmt::format("reaches {:.4g} m far from its link's frame; allowed: up to {} m; "
+        fmt::format("reaches {:.4g} m far from the frame of its body; allowed: up to {} m; "
                     "of a mesh in millimetres the scale is \"0.001 0.001 0.001\"",
                     reach, kMeshReach));
   }
@@ -111,6 +114,7 @@ RobotOfPoints WithMeshPoints(const std::string& urdf, const Robot& robot, std::s
     if (shape.kind != RobotShape::Kind::kMesh || shape.body < 0) continue;
     try {
       std::vector<SpaceVector> points = corners_of(shape);
+      CheckFinite(points);
       const SpaceVector& scale = shape.mesh_scale;
       for (SpaceVector& p : points) {
         p = shape.pose * SpaceVector(scale.x() * p.x(), scale.y() * p.y(), scale.z() * p.z());

@@ -20,6 +20,8 @@
 #include "offline/model/mesh_points.h"
 #include "offline/model/robot.h"
 #include "offline/model/robot_finding.h"
+#include "offline/pages/shown_scene.h"
+#include "offline/pages/space_poses.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/space_scene.h"
@@ -31,7 +33,6 @@ namespace tumbler {
 namespace {
 
 using ::testing::AllOf;
-using ::testing::Each;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using testing::Program;
@@ -192,10 +193,8 @@ std::vector<double> ForcesOf(const Task& task) {
 void ExpectTheSame(const std::vector<double>& a, const std::vector<double>& b) {
   ASSERT_EQ(a.size(), b.size());
   double largest = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    EXPECT_NEAR(a[i], b[i], 1e-12 * std::max(1.0, std::abs(a[i]))) << i;
-    largest = std::max(largest, std::abs(a[i]));
-  }
+  for (const double value : a) largest = std::max(largest, std::abs(value));
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-12 * largest) << i;
   EXPECT_GT(largest, 100) << "something touches";
 }
 
@@ -289,12 +288,11 @@ TEST_F(MeshContact, OfAPrismInThePlaneTouchesWithItsThreeCorners) {
 TEST_F(MeshContact, StandsInItsPlaceWithScaleAndOrigin) {
   testing::WriteFile(folder_ / "mm.obj", BoxObj({250, 125, 500}, {0, 0, 125}));
   const std::string turned =
-      "<collision><origin xyz=\"0.5 0 0.25\" rpy=\"0 1.5707963267948966 0\"/><geometry><mesh "
+      "<collision><origin xyz=\"0.125 0 0.0625\" rpy=\"0 1.5707963267948966 0\"/><geometry><mesh "
       "filename=\"package://robots/mm.obj\" scale=\"0.001 0.001 -0.001\"/></geometry></collision>";
   for (const bool in_space : {false, true}) {
     const Task mesh = TaskWith(turned, in_space);
-    const Task box =
-        TaskWith(Collision("<box size=\"0.5 0.125 0.25\"/>", "0.375 0 0.25"), in_space);
+    const Task box = TaskWith(Collision("<box size=\"0.5 0.125 0.25\"/>", "0 0 0.0625"), in_space);
     ExpectTheSame(ForcesOf(mesh), ForcesOf(box));
   }
 }
@@ -370,6 +368,21 @@ TEST_F(MeshContact, PointsAreNoOwnShapes) {
   EXPECT_EQ(TaskWith(shapes, true).problem.space->scene.robot.own_shapes.size(), 1U);
 }
 
+TEST_F(MeshContact, PointsAreShownAsSmallBalls) {
+  testing::WriteFile(folder_ / "box.obj", BoxObj({0.25, 0.125, 0.5}));
+  const std::string shape = Collision("<mesh filename=\"box.obj\"/>");
+  const ReportData plane = ReportScene(TaskWith(shape, false).problem);
+  std::size_t balls = 0;
+  for (const ReportShape& shown : plane.links[0].shapes) {
+    if (shown.collides) ++balls;
+    EXPECT_GT(shown.radius_m, 0);
+  }
+  EXPECT_EQ(balls, 4U);
+  const std::vector<SpaceBody> bodies = BodiesOf(TaskWith(shape, true).problem.space->scene.robot);
+  ASSERT_EQ(bodies[0].shapes.size(), 8U);
+  for (const Shape<Spatial>& shown : bodies[0].shapes) EXPECT_EQ(shown.radius_m, kShownPoint_m);
+}
+
 TEST_F(MeshContact, ThatCannotBeUsedIsToldWithLinkFileAndWhatToDo) {
   const auto about = [](const char* file, const char* what, const char* todo) {
     return AllOf(HasSubstr(fmt::format("body.urdf:1: link 'base': collision mesh '{}' ", file)),
@@ -437,10 +450,25 @@ TEST(MeshRobot, GetsAMotionThatIsPlayedWithoutItsMeshes) {
   testing::WriteFile(folder / "meshes/sole.obj",
                      PrismObj({{-0.01, -0.05}, {0.01, -0.05}, {0.01, 0.05}, {-0.01, 0.05}}, 0.06));
   const std::string motion = folder / "motion.toml";
-  Program optimize({testing::ProgramPath("tumbler optimize"), folder.task_file(), "--out", motion});
+  Program optimize({testing::ProgramPath("tumbler optimize"), folder.task_file(), "--out", motion,
+                    "--report", folder / "motion.html"});
   EXPECT_EQ(optimize.Wait(), 0) << optimize.text();
   EXPECT_THAT(optimize.text(), HasSubstr("link 'leg1_link': note: collision mesh leg1_link/0 "
                                          "(package://any/meshes/sole.obj) touches with 4 points"));
+  // Its exit is no shape in which the task begins, but it is that of the same robot.
+  const std::vector<std::string> on = {testing::ProgramPath("tumbler optimize"),
+                                       folder.task_file(),
+                                       "--start-from",
+                                       motion,
+                                       "--out",
+                                       folder / "next.toml"};
+  Program same(on);
+  EXPECT_EQ(same.Wait(), 1);
+  EXPECT_THAT(same.text(), HasSubstr("start.joints_rad"));
+  testing::WriteFile(folder / "meshes/body.obj", BoxObj({0.34, 0.06, 0.06}));
+  Program other(on);
+  EXPECT_EQ(other.Wait(), 1);
+  EXPECT_THAT(other.text(), HasSubstr("is not the robot of the task"));
   std::filesystem::remove_all(folder.path() / "meshes");
   std::filesystem::remove(folder.robot_file());
   Program run({testing::ProgramPath("tumbler run"), "sim", motion});
