@@ -21,7 +21,7 @@ struct MeshInContact {
   std::size_t points = 0;
   double beyond_m = 0;  ///< So far the mesh sticks out of the convex hull of the points.
 };
-/// For people: "collision mesh leg/0 (leg.stl) touches with 8 points, out of whose hull it sticks
+/// For people: "collision mesh leg/0 (leg.stl) touches with 16 points, out of whose hull it sticks
 /// by up to 0.31 mm".
 std::string Describe(const MeshInContact& mesh);
 

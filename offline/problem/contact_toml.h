@@ -17,7 +17,7 @@ void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, Cont
 struct MeshContact {
   enum class As { kIgnored, kPoints };
   As as = As::kIgnored;
-  int most_points = 8;  ///< Of each mesh (WithMeshPoints).
+  int most_points = 16;  ///< Of each mesh (WithMeshPoints).
 };
 
 /// Reads of the `[contact]` of a task what becomes of its robot's meshes.

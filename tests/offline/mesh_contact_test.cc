@@ -13,6 +13,7 @@
 #include <random>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "offline/model/contact_model.h"
@@ -349,7 +350,7 @@ TEST_F(MeshContact, HasAsManyPointsAsAreAskedForAndSaysWhatIsLost) {
   }
   testing::WriteFile(folder_ / "disc.obj", PrismObj(circle, 0.1));
   const std::string disc = Collision("<mesh filename=\"disc.obj\"/>");
-  const Task coarse = TaskWith(disc, false);
+  const Task coarse = TaskWith(disc, false, "meshes = \"points\"\nmesh_points = 8");
   EXPECT_EQ(coarse.meshes[0].points, 8U);
   EXPECT_NEAR(coarse.meshes[0].beyond_m, 0.25 * (1 - std::cos(std::numbers::pi / 8)), 1e-4);
   EXPECT_EQ(Describe(coarse.meshes[0]),
@@ -358,6 +359,7 @@ TEST_F(MeshContact, HasAsManyPointsAsAreAskedForAndSaysWhatIsLost) {
   const Task fine = TaskWith(disc, false, "meshes = \"points\"\nmesh_points = 40");
   EXPECT_EQ(fine.meshes[0].points, 40U);
   EXPECT_LT(fine.meshes[0].beyond_m, 0.002);
+  EXPECT_EQ(TaskWith(disc, false).meshes[0].points, 16U);
 }
 
 TEST_F(MeshContact, PointsAreNoOwnShapes) {
@@ -440,6 +442,36 @@ std::string MeshTumbler() {
   add("leg1_link", "package://any/meshes/sole.obj", "0.2 0 0");
   add("leg2_link", "package://any/meshes/sole.obj", "-0.2 0 0");
   return robot;
+}
+
+TEST(MeshRobot, IsToldByTheCheckWhatItsMeshesCouldTouchWith) {
+  const testing::TemporaryFolder folder;
+  testing::WriteFile(folder / "body.urdf", BodyWith(Collision("<mesh filename=\"box.obj\"/>")));
+  const auto check = [&folder](std::vector<std::string> more) {
+    more.insert(more.begin(),
+                {testing::ProgramPath("tumbler model"), "check", folder / "body.urdf"});
+    Program program(more);
+    const int status = program.Wait();
+    return std::pair(status, program.text());
+  };
+  EXPECT_THAT(check({}).second,
+              AllOf(HasSubstr("can be planned: only where it touches nothing (obstacle = []); to "
+                              "touch anything it needs collision shapes: spheres, cylinders, "
+                              "capsules or boxes, or points of its meshes: contact.meshes = "
+                              "\"points\" in the task, --mesh-points here"),
+                    HasSubstr("base/0 is a mesh: contact ignores it")));
+  const auto [missing, why] = check({"--mesh-points", "16"});
+  EXPECT_EQ(missing, 1);
+  EXPECT_THAT(why, HasSubstr("link 'base': collision mesh 'box.obj' is not found"));
+  testing::WriteFile(folder / "box.obj", BoxObj({0.25, 0.125, 0.5}));
+  for (const char* root : {"planar-xz", "floating"}) {
+    const auto [status, text] = check({"--mesh-points", "16", "--root", root});
+    EXPECT_EQ(status, 0);
+    EXPECT_THAT(text, AllOf(HasSubstr("can be planned: yes"),
+                            HasSubstr(fmt::format("base/0 (box.obj) touches with {} points, the "
+                                                  "corners of its hull",
+                                                  root == std::string("floating") ? 8 : 4))));
+  }
 }
 
 TEST(MeshRobot, GetsAMotionThatIsPlayedWithoutItsMeshes) {
