@@ -265,7 +265,9 @@ struct RobotOfTask {
   Robot robot;
   RobotOfPoints text;
 };
-RobotOfTask ReadRobot(TomlTable& root, const std::string& text, const std::string& name) {
+/// @param of_primitive  whether the text is a primitive's, which needs no other file.
+RobotOfTask ReadRobot(TomlTable& root, const std::string& text, const std::string& name,
+                      bool of_primitive) {
   RobotOfTask of;
   ReadHeader(root, kTaskHeader);
   ReadKeys(root, kTaskRobotKeys, of.named);
@@ -275,6 +277,13 @@ RobotOfTask ReadRobot(TomlTable& root, const std::string& text, const std::strin
   CheckLocked(root, locked, of.robot);
   of.text.urdf = text;
   if (meshes.as == MeshContact::As::kIgnored) return of;
+  for (const RobotShape& shape : of.robot.collision_shapes) {
+    if (!of_primitive || shape.kind != RobotShape::Kind::kMesh || shape.body < 0) continue;
+    throw FileError(name, shape.line, fmt::format("link '{}'", shape.link),
+                    fmt::format("has collision mesh '{}', of which a primitive holds the points; "
+                                "make it again with tumbler optimize",
+                                shape.mesh_file));
+  }
   of.text = WithMeshPoints(text, of.robot, static_cast<std::size_t>(meshes.most_points));
   if (!of.text.meshes.empty()) of.robot = ParseRobot(of.text.urdf, name, of.named.root, locked);
   return of;
@@ -284,7 +293,7 @@ Task Parse(const std::string& task_text, const std::string& task_name,
            const std::string& robot_text, const std::string& robot_name,
            std::optional<StartPose> given, TaskSpaces takes) {
   TomlTable root = TomlTable::Parse(task_text, task_name);
-  RobotOfTask of = ReadRobot(root, robot_text, robot_name);
+  RobotOfTask of = ReadRobot(root, robot_text, robot_name, given && given->own);
   Task task;
   if (of.named.root == RootKind::kFloating) {
     if (takes == TaskSpaces::kPlane && given) {
@@ -412,7 +421,7 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name,
                const PrimitiveFile& before, const std::string& before_path) {
   TomlTable root = TomlTable::Parse(task_text, task_name);
-  if (ReadRobot(root, robot_text, robot_name).text.urdf != before.provenance.robot_urdf) {
+  if (ReadRobot(root, robot_text, robot_name, false).text.urdf != before.provenance.robot_urdf) {
     throw FileError(before_path, 0, "provenance.robot_urdf",
                     fmt::format("is not the robot of the task {}, {}: an exit of another robot is "
                                 "no start; make the primitive again with that robot",

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/primitive_toml.h"
 #include "offline/model/contact_model.h"
 #include "offline/model/hull_points.h"
 #include "offline/model/mesh_points.h"
@@ -505,6 +506,16 @@ TEST(MeshRobot, GetsAMotionThatIsPlayedWithoutItsMeshes) {
   std::filesystem::remove(folder.robot_file());
   Program run({testing::ProgramPath("tumbler run"), "sim", motion});
   EXPECT_EQ(run.Wait(), 0) << run.text();
+  // A primitive that somebody gave a mesh makes no program look for files.
+  PrimitiveFile forged = LoadPrimitive(motion);
+  forged.provenance.robot_urdf = MeshTumbler();
+  try {
+    static_cast<void>(TaskOf(forged));
+    ADD_FAILURE();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("collision mesh '../meshes/body.obj', of which a primitive "
+                                        "holds the points; make it again with tumbler optimize"));
+  }
 }
 
 }  // namespace
