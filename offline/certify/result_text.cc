@@ -195,6 +195,10 @@ void PrintNotes(const Task& task) {
   for (const RobotFinding& note : robot.notes()) {
     fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, note.line, note.key, note.problem);
   }
+  for (const MeshInContact& mesh : task.meshes) {
+    fmt::print(stderr, "{}:{}: link '{}': note: {}\n", task.robot_file, mesh.line, mesh.link,
+               Describe(mesh));
+  }
   task.problem.WithScene([&](const auto& scene) {
     for (const IgnoredShape& shape : scene.robot.ignored_shapes) {
       fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,

@@ -89,8 +89,9 @@ ContactShapes<Space> ConvertAll(const Robot& robot, const Convert& convert) {
       if (shape.body < 0) throw Unusable("is fixed to the world");
       out.shapes.push_back({shape.name, shape.body, convert(shape)});
     } catch (const Unusable& why) {
-      out.ignored.push_back(
-          {shape.link, shape.line, fmt::format("collision shape {} {}", shape.name, why.what())});
+      out.ignored.push_back({shape.link, shape.line,
+                             fmt::format("collision shape {} {}", shape.name, why.what()),
+                             shape.kind == RobotShape::Kind::kMesh && shape.body >= 0});
     }
   }
   return out;
@@ -161,6 +162,7 @@ double AcrossThePlane(const Robot& robot, int body) {
 void AddOwnShapes(const Robot& robot, bool drawn, std::vector<OwnShape>& shapes) {
   const std::size_t known = shapes.size();
   for (const RobotShape& shape : drawn ? robot.visual_shapes : robot.collision_shapes) {
+    if (shape.mesh_point) continue;
     OwnShape own{shape.name, shape.link, shape.body, {}, 0, 0, drawn};
     try {
       own.shape = AroundInThePlane(shape);

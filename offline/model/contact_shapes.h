@@ -23,6 +23,7 @@ struct IgnoredShape {
   std::string link;
   std::uint32_t line = 0;
   std::string reason;
+  bool mesh = false;  ///< Whether points could take its place (WithMeshPoints).
 };
 
 /// The collision shapes of a robot for the contact model.

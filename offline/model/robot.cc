@@ -432,6 +432,8 @@ class Builder {
         shape.line = source_.LineOfLink(link.name, "");
         shape.body = body;
         shape.pose = X * ToPose(elements[i]->origin);
+        shape.mesh_point = elements[i]->name == kMeshPoint && shape.radius_m == 0 &&
+                           shape.kind == RobotShape::Kind::kSphere;
         shapes.push_back(std::move(shape));
       }
     };

@@ -34,6 +34,9 @@ struct RobotLink {
   Pose pose;           ///< Of its frame, in the body's.
 };
 
+/// The name of a collision shape, a sphere of radius 0, that is a point of a mesh in contact.
+inline constexpr const char* kMeshPoint = "mesh-point";
+
 /// A collision or visual shape, as the file describes it.
 struct RobotShape {
   enum class Kind { kSphere, kCylinder, kBox, kMesh };
@@ -48,6 +51,7 @@ struct RobotShape {
   SpaceVector size_m = SpaceVector::Zero();  ///< Box: whole sides.
   std::string mesh_file;                     ///< Mesh: as the robot's file names it.
   SpaceVector mesh_scale{1, 1, 1};           ///< Mesh: along each axis of its frame.
+  bool mesh_point = false;                   ///< Sphere: a point of a mesh in contact.
 };
 
 /// A robot from a URDF, in space.

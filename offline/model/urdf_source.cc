@@ -15,6 +15,7 @@
 
 #include "common/files/printable.h"
 #include "common/files/toml_reader.h"
+#include "offline/model/xml_tags.h"
 
 namespace tumbler {
 namespace {
@@ -78,45 +79,17 @@ constexpr const char* kWorld = "world";
 constexpr std::size_t kMostLinks = 1000;
 constexpr int kDeepestElement = 100;
 
-bool StartsName(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
-         static_cast<unsigned char>(c) >= 127;
-}
-
 /// The line where XML is nested too deep, or 0. This also holds for text that is not well-formed:
 /// the parser stops at the first mistake, and gets no deeper than the depth counted here.
 std::uint32_t LineOfTooDeepElement(std::string_view text) {
   int depth = 0;
-  const auto skip_past = [&text](std::size_t from, std::string_view end) {
-    const std::size_t at = text.find(end, from);
-    return at == std::string_view::npos ? text.size() : at + end.size();
-  };
-  for (std::size_t i = text.find('<'); i < text.size(); i = text.find('<', i)) {
-    const std::string_view rest = text.substr(i);
-    if (rest.starts_with("<!--")) {
-      i = skip_past(i + 4, "-->");
-    } else if (rest.starts_with("<![CDATA[")) {
-      i = skip_past(i, "]]>");
-    } else if (rest.starts_with("</")) {
-      depth = std::max(0, depth - 1);
-      i = skip_past(i, ">");
-    } else if (rest.size() < 2 || !StartsName(rest[1])) {
-      i = skip_past(i, ">");
-    } else {
-      if (++depth > kDeepestElement) {
-        return 1 + static_cast<std::uint32_t>(std::count(
-                       text.begin(), text.begin() + static_cast<std::ptrdiff_t>(i), '\n'));
-      }
-      char quote = 0;
-      for (++i; i < text.size() && (quote != 0 || text[i] != '>'); ++i) {
-        if (quote == 0 && (text[i] == '"' || text[i] == '\'')) {
-          quote = text[i];
-        } else if (text[i] == quote) {
-          quote = 0;
-        }
-      }
-      if (i < text.size() && text[i - 1] == '/') --depth;
+  XmlTags tags(text);
+  for (XmlTag tag; tags.Next(tag);) {
+    if (tag.opens && ++depth > kDeepestElement) {
+      return 1 + static_cast<std::uint32_t>(std::count(
+                     text.begin(), text.begin() + static_cast<std::ptrdiff_t>(tag.begin), '\n'));
     }
+    if (tag.closes) depth = std::max(0, depth - 1);
   }
   return 0;
 }

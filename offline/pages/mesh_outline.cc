@@ -1,85 +1,31 @@
 #include "offline/pages/mesh_outline.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
-#include <system_error>
 
-#ifdef TUMBLER_WITH_ASSIMP
-#include <assimp/scene.h>
-
-#include <assimp/Importer.hpp>
-#endif
+#include "offline/model/mesh_file.h"
 
 namespace tumbler {
 namespace {
 
 constexpr std::size_t kMostCorners = 32;
-/// Larger files hold more than a picture can show.
-constexpr std::uintmax_t kLargestFile = 256U << 20U;
-
 double Cross(const Plane::Vector& a, const Plane::Vector& b, const Plane::Vector& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
-bool IsFile(const std::filesystem::path& path) {
-  std::error_code error;
-  return std::filesystem::is_regular_file(path, error);
-}
-
-/// The corners of a mesh in its own frame.
+/// The corners of a mesh in its own frame; none where it cannot be read.
 std::vector<SpaceVector> PointsOf(const std::string& file) {
-  std::vector<SpaceVector> points;
-#ifdef TUMBLER_WITH_ASSIMP
-  std::string ending = std::filesystem::path(file).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  if (ending != ".stl" && ending != ".obj") return points;
-  std::error_code error;
-  if (std::filesystem::file_size(file, error) > kLargestFile || error) return points;
-  Assimp::Importer importer;
-  const aiScene* const scene = importer.ReadFile(file, 0);
-  if (scene == nullptr) return points;
-  for (unsigned m = 0; m < scene->mNumMeshes; ++m) {
-    const aiMesh& mesh = *scene->mMeshes[m];
-    for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
-      const aiVector3D& v = mesh.mVertices[i];
-      const SpaceVector point(double{v.x}, double{v.y}, double{v.z});
-      if (std::isfinite(point.norm())) points.push_back(point);
-    }
+  try {
+    std::vector<SpaceVector> points = ReadMesh(file);
+    std::erase_if(points, [](const SpaceVector& point) { return !std::isfinite(point.norm()); });
+    return points;
+  } catch (const MeshError&) {
+    return {};
   }
-#else
-  static_cast<void>(file);
-#endif
-  return points;
 }
 
 }  // namespace
-
-std::string FindMesh(const std::string& named, const std::string& robot_file) {
-  namespace fs = std::filesystem;
-  constexpr std::string_view kFile = "file://", kPackage = "package://";
-  std::error_code error;
-  const fs::path folder = fs::absolute(robot_file, error).parent_path();
-  if (named.starts_with(kPackage)) {
-    const fs::path inside = named.substr(kPackage.size());
-    if (inside.empty()) return "";
-    const fs::path in_package = inside.lexically_relative(*inside.begin());
-    fs::path above = folder;
-    while (true) {
-      for (const fs::path& place : {above / inside, above / in_package}) {
-        if (IsFile(place)) return place.string();
-      }
-      if (above == above.parent_path()) return "";
-      above = above.parent_path();
-    }
-  }
-  const fs::path path = named.starts_with(kFile) ? named.substr(kFile.size()) : named;
-  const fs::path from_folder = folder / path;  // the path itself where it is absolute
-  return IsFile(from_folder) ? from_folder.string() : "";
-}
 
 std::vector<Plane::Vector> ConvexHull(std::vector<Plane::Vector> points) {
   const auto before = [](const Plane::Vector& a, const Plane::Vector& b) {

@@ -8,11 +8,6 @@
 
 namespace tumbler {
 
-/// The file of a mesh as a robot file names it: an absolute path or `file://`, a path from the
-/// robot file's folder, or `package://NAME/...`, which is looked for in that folder and in all
-/// above it: with NAME, and as if the package's own folder had another name. Empty: there is none.
-std::string FindMesh(const std::string& named, const std::string& robot_file);
-
 /// The convex hull of a mesh in the plane of its body, for pictures, with 32 corners at most: of
 /// more, those go that it loses least with. Empty where there is no such file, where it is neither
 /// STL nor OBJ, or cannot be read, and in a build without assimp.

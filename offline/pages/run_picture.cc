@@ -43,7 +43,7 @@ void AddShapes(const std::vector<RobotShape>& shapes, double opacity, int shift,
                RobotPicture& picture) {
   for (const RobotShape& shape : shapes) {
     const int link = shape.body + shift;
-    if (shape.kind == RobotShape::Kind::kMesh || link < 0) continue;
+    if (shape.kind == RobotShape::Kind::kMesh || shape.mesh_point || link < 0) continue;
     SceneSolid solid;
     solid.pose = ToPose(shape.pose);
     solid.color = {1, 1, 1, opacity};

@@ -73,7 +73,8 @@ std::vector<std::array<double, 2>> CornersOf(const Outline& outline) {
 
 ReportShape ShownShape(const Shape<Plane>& shape, bool collides) {
   const Outline outline = OutlineOf(shape);
-  return {CornersOf(outline), outline.radius_m, collides};
+  const bool point = outline.radius_m == 0 && outline.corners.size() == 1;
+  return {CornersOf(outline), point ? kShownPoint_m : outline.radius_m, collides};
 }
 
 }  // namespace

@@ -6,6 +6,9 @@
 
 namespace tumbler {
 
+/// A point, as of a mesh in contact, has no extent: pages show it as a ball of this radius [m].
+inline constexpr double kShownPoint_m = 0.003;
+
 /// The data of a report page without a motion: the robot's links and joints, and the obstacles.
 ReportData ReportScene(const Problem& problem);
 

@@ -3,8 +3,16 @@
 #include <utility>
 
 #include "common/core/index.h"
+#include "offline/pages/shown_scene.h"
 
 namespace tumbler {
+namespace {
+
+bool IsPoint(const Shape<Spatial>& shape) {
+  return shape.kind() == ShapeKind::kSphere && shape.radius_m == 0;
+}
+
+}  // namespace
 
 int HueOf(const SpaceRobot& robot, int body) {
   int limb = 0;
@@ -21,7 +29,11 @@ std::vector<SpaceBody> BodiesOf(const SpaceRobot& robot) {
   for (int body = robot.first_body(); body < static_cast<int>(robot.tree.dofs.size()); ++body) {
     SpaceBody shown{robot.body_names[Index(body)], {}, HueOf(robot, body)};
     for (const SpaceOwnShape& own : robot.own_shapes) {
-      if (own.body == body) shown.shapes.push_back(own.shape);
+      if (own.body == body && !IsPoint(own.shape)) shown.shapes.push_back(own.shape);
+    }
+    for (const ContactShape<Spatial>& touching : robot.shapes) {
+      if (touching.body != body || !IsPoint(touching.shape)) continue;
+      shown.shapes.push_back(Shape<Spatial>::Sphere(touching.shape.centre, kShownPoint_m));
     }
     bodies.push_back(std::move(shown));
   }

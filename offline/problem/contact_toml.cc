@@ -8,6 +8,7 @@
 
 #include "common/files/file_keys.h"
 #include "offline/model/contact_intent.h"
+#include "offline/model/mesh_points.h"
 
 namespace tumbler {
 namespace {
@@ -87,6 +88,15 @@ constexpr std::array kFormKeys = {
     KeyOf<&ContactLaw::damping_law>("damping_law", kDampingLaws, ""),
 };
 
+constexpr std::array<std::string_view, 2> kMeshesAs = {"ignored", "points"};
+constexpr std::array kMeshKeys = {
+    KeyOf<&MeshContact::as>("meshes", kMeshesAs,
+                            "collision meshes touch nothing, or with "
+                            "[corners of their convex hulls](#meshes-in-contact)"),
+    KeyOf<&MeshContact::most_points>("mesh_points", {kFewestMeshPoints, kMostMeshPoints},
+                                     "the most of each mesh, where they are `points`"),
+};
+
 template <class S, std::size_t kCount>
 bool HasAny(const TomlTable& table, const std::array<FileKey<S>, kCount>& keys) {
   bool any = false;
@@ -134,6 +144,13 @@ void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, Cont
   ReadKeys(table, kFormKeys, law);
 }
 
+MeshContact ReadMeshContact(TomlTable& root) {
+  MeshContact meshes;
+  if (std::optional<TomlTable> table = root.OptionalTable("contact"))
+    ReadKeys(*table, kMeshKeys, meshes);
+  return meshes;
+}
+
 void ReadContactForces(TomlTable& table, ContactLaw& law) {
   ReadKeys(table, kForceKeys, law);
   ReadKeys(table, kFrictionKeys, law);
@@ -142,7 +159,7 @@ void ReadContactForces(TomlTable& table, ContactLaw& law) {
 KeyTable ContactKeyTable() {
   return {"offline/problem/contact_toml.cc", "contact",
           Joined({RowsOf(kIntentKeys), RowsOf(kForceKeys), RowsOf(kLayerKeys),
-                  RowsOf(kFrictionKeys), RowsOf(kFormKeys)})};
+                  RowsOf(kFrictionKeys), RowsOf(kFormKeys), RowsOf(kMeshKeys)})};
 }
 
 }  // namespace tumbler

@@ -13,6 +13,16 @@ namespace tumbler {
 /// @throws FileError  with file, line, key, value and allowed range.
 void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law);
 
+/// What touches in the place of a collision mesh.
+struct MeshContact {
+  enum class As { kIgnored, kPoints };
+  As as = As::kIgnored;
+  int most_points = 16;  ///< Of each mesh (WithMeshPoints).
+};
+
+/// Reads of the `[contact]` of a task what becomes of its robot's meshes.
+MeshContact ReadMeshContact(TomlTable& root);
+
 /// Reads only the keys of the forces: spring, damper and friction.
 void ReadContactForces(TomlTable& table, ContactLaw& law);
 

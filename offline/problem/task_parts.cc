@@ -282,10 +282,12 @@ void CheckObstacles(TomlTable& root, std::size_t obstacles, std::size_t shapes,
     std::string why;
     for (const IgnoredShape& shape : ignored)
       why += fmt::format("; {} (line {})", shape.reason, shape.line);
-    root.Fail("obstacle",
-              fmt::format("the robot has no collision shape that could touch it{}; give its links "
-                          "spheres, cylinders or boxes, or fly: obstacle = []",
-                          why));
+    const bool meshes = std::ranges::any_of(ignored, &IgnoredShape::mesh);
+    root.Fail(
+        "obstacle",
+        fmt::format("the robot has no collision shape that could touch it{}; give its links "
+                    "spheres, cylinders or boxes, {}or fly: obstacle = []",
+                    why, meshes ? "take points of its meshes, contact.meshes = \"points\", " : ""));
   }
   const std::size_t pairs = shapes * obstacles;
   if (pairs <= kMostPairs) return;

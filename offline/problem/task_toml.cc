@@ -259,18 +259,43 @@ class TaskReader {
   Scene& scene_ = problem_.scene;
 };
 
+/// The robot of a task.
+struct RobotOfTask {
+  TaskRobot named;
+  Robot robot;
+  RobotOfPoints text;
+};
+/// @param of_primitive  whether the text is a primitive's, which needs no other file.
+RobotOfTask ReadRobot(TomlTable& root, const std::string& text, const std::string& name,
+                      bool of_primitive) {
+  RobotOfTask of;
+  ReadHeader(root, kTaskHeader);
+  ReadKeys(root, kTaskRobotKeys, of.named);
+  const LockedJoints locked = ReadLocked(root);
+  const MeshContact meshes = ReadMeshContact(root);
+  of.robot = ParseRobot(text, name, of.named.root, locked);
+  CheckLocked(root, locked, of.robot);
+  of.text.urdf = text;
+  if (meshes.as == MeshContact::As::kIgnored) return of;
+  for (const RobotShape& shape : of.robot.collision_shapes) {
+    if (!of_primitive || shape.kind != RobotShape::Kind::kMesh || shape.body < 0) continue;
+    throw FileError(name, shape.line, fmt::format("link '{}'", shape.link),
+                    fmt::format("has collision mesh '{}', of which a primitive holds the points; "
+                                "make it again with tumbler optimize",
+                                shape.mesh_file));
+  }
+  of.text = WithMeshPoints(text, of.robot, static_cast<std::size_t>(meshes.most_points));
+  if (!of.text.meshes.empty()) of.robot = ParseRobot(of.text.urdf, name, of.named.root, locked);
+  return of;
+}
+
 Task Parse(const std::string& task_text, const std::string& task_name,
            const std::string& robot_text, const std::string& robot_name,
            std::optional<StartPose> given, TaskSpaces takes) {
   TomlTable root = TomlTable::Parse(task_text, task_name);
-  ReadHeader(root, kTaskHeader);
-  TaskRobot named;
-  ReadKeys(root, kTaskRobotKeys, named);
-  const LockedJoints locked = ReadLocked(root);
-  const Robot in_space = ParseRobot(robot_text, robot_name, named.root, locked);
-  CheckLocked(root, locked, in_space);
+  RobotOfTask of = ReadRobot(root, robot_text, robot_name, given && given->own);
   Task task;
-  if (named.root == RootKind::kFloating) {
+  if (of.named.root == RootKind::kFloating) {
     if (takes == TaskSpaces::kPlane && given) {
       throw FileError(
           task_name, 0, "root",
@@ -291,19 +316,21 @@ Task Parse(const std::string& task_text, const std::string& task_name,
                                     "motion of a robot in space has: make it again",
                                     given->from));
     }
-    task.problem = ReadSpaceTask(std::move(root), in_space, given);
+    task.problem = ReadSpaceTask(std::move(root), of.robot, given);
   } else {
     if (given && given->pose->is_in_space()) {
       root.Fail("root", fmt::format("is of a robot in the plane, and {} has a root_quaternion, as "
                                     "motions of robots in space have: make it again",
                                     given->from));
     }
-    task.problem = TaskReader(std::move(root), ReduceToPlane(in_space), std::move(given)).Read();
+    task.problem = TaskReader(std::move(root), ReduceToPlane(of.robot), std::move(given)).Read();
   }
   task.task_file = task_name;
   task.task_text = task_text;
   task.robot_file = robot_name;
-  task.robot_text = robot_text;
+  task.robot_text = std::move(of.text.urdf);
+  task.robot_as_given = robot_text;
+  task.meshes = std::move(of.text.meshes);
   return task;
 }
 
@@ -393,7 +420,8 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name,
                const PrimitiveFile& before, const std::string& before_path) {
-  if (robot_text != before.provenance.robot_urdf) {
+  TomlTable root = TomlTable::Parse(task_text, task_name);
+  if (ReadRobot(root, robot_text, robot_name, false).text.urdf != before.provenance.robot_urdf) {
     throw FileError(before_path, 0, "provenance.robot_urdf",
                     fmt::format("is not the robot of the task {}, {}: an exit of another robot is "
                                 "no start; make the primitive again with that robot",

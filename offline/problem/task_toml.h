@@ -6,6 +6,7 @@
 
 #include "common/files/key_table.h"
 #include "common/files/primitive_toml.h"
+#include "offline/model/mesh_points.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {
@@ -16,7 +17,11 @@ struct Task {
   std::string task_file;
   std::string task_text;
   std::string robot_file;
+  /// The URDF. Meshes that are in contact are points in it, so that their files are not needed.
   std::string robot_text;
+  /// What `robot_text` was made of, with the meshes; the same where none is in contact.
+  std::string robot_as_given;
+  std::vector<MeshInContact> meshes;  ///< That became points.
   /// The primitive whose exit is the start pose. Empty: the task's own start pose.
   std::string start_file;
   /// The ContentHash of that primitive.
@@ -71,7 +76,8 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before, const std::s
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                TaskSpaces takes = TaskSpaces::kPlane);
 
-/// The same, from texts. `robot_text` stands for the file that the task names.
+/// The same, from texts. `robot_text` stands for the file that the task names; files of meshes that
+/// are in contact are read all the same, from where `robot_name` says that it is.
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name,
                TaskSpaces takes = TaskSpaces::kPlane);

@@ -83,7 +83,8 @@ class Writer {
     switch (shape.kind()) {
       case ShapeKind::kSphere:
         if (!obstacle)
-          return fmt::format("type=\"sphere\" {} size=\"{:.17g}\"", at, shape.radius_m);
+          return fmt::format("type=\"sphere\" {} size=\"{:.17g}\"", at,
+                             MjcfText::SphereSize(shape.radius_m));
         return fmt::format(
             "type=\"cylinder\" {} size=\"{:.17g} {:.17g}\" axisangle=\"1 0 0 {:.17g}\"", at,
             shape.radius_m, half_depth_m, std::numbers::pi / 2);

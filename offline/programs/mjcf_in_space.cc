@@ -90,7 +90,7 @@ class SpaceWriter {
                            Numbers(shape.normal));
       case ShapeKind::kSphere:
         return fmt::format("type=\"sphere\" pos=\"{}\" size=\"{:.17g}\"", Numbers(c),
-                           shape.radius_m);
+                           MjcfText::SphereSize(shape.radius_m));
       case ShapeKind::kCapsule: {
         int along = 0;
         while (!(shape.half_extents[along] > 0)) ++along;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <string>
@@ -28,6 +29,9 @@ class MjcfText {
     fmt::format_to(std::back_inserter(text_), format, std::forward<Args>(args)...);
     text_ += '\n';
   }
+
+  /// Of a sphere. MuJoCo has none without a size; points of meshes are.
+  static double SphereSize(double radius_m) { return std::max(radius_m, 1e-6); }
 
   /// Text of an attribute: names of files are anybody's.
   static std::string Escaped(std::string_view text) { return MarkupText(text); }

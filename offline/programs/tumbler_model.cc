@@ -24,6 +24,7 @@
 #include "common/files/program.h"
 #include "common/files/toml_reader.h"
 #include "offline/model/hybrid_dynamics.h"
+#include "offline/model/mesh_points.h"
 #include "offline/model/mjcf.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
@@ -57,6 +58,7 @@ struct Arguments {
   std::vector<double> gravity;
   double velocity = 0;  ///< 0: not given.
   bool derivatives = false;
+  int mesh_points = 0;  ///< 0: meshes touch nothing.
 };
 
 RootKind RootOf(const Arguments& arguments) {
@@ -237,6 +239,15 @@ void PrintFindings(const Robot& robot, const std::vector<RobotFinding>& findings
     fmt::print("    {}:{}: {}: {}\n", robot.file, finding.line, finding.key, finding.problem);
 }
 
+/// The shapes with which the robot could touch something.
+std::string ShapesThatTouch(const RobotReview& review) {
+  const bool meshes = std::ranges::any_of(review.ignored_shapes, &IgnoredShape::mesh);
+  return std::string("spheres, cylinders, capsules or boxes") +
+         (meshes ? ", or points of its meshes: contact.meshes = \"points\" in the task, "
+                   "--mesh-points here"
+                 : "");
+}
+
 /// Whether a task takes the robot, and what it needs for that.
 void PrintUse(const RobotReview& review) {
   const Robot& robot = *review.robot;
@@ -248,8 +259,8 @@ void PrintUse(const RobotReview& review) {
     } else {
       fmt::print(
           "can be planned: only where it touches nothing (obstacle = []); to touch anything it "
-          "needs "
-          "collision shapes: spheres, cylinders, capsules or boxes\n");
+          "needs collision shapes: {}\n",
+          ShapesThatTouch(review));
     }
     const std::string through =
         in_space ? review.without_contact : LinksWithoutContact(ReduceToPlane(robot));
@@ -282,8 +293,7 @@ void PrintUse(const RobotReview& review) {
     PrintFindings(robot, review.left);
   }
   if (!review.touches) {
-    fmt::print(
-        "  to touch anything it needs collision shapes: spheres, cylinders, capsules or boxes\n");
+    fmt::print("  to touch anything it needs collision shapes: {}\n", ShapesThatTouch(review));
   }
   if (review.CanBePlanned()) {
     fmt::print("can be planned with these joints locked: {}\n",
@@ -291,10 +301,27 @@ void PrintUse(const RobotReview& review) {
   }
 }
 
+/// Makes points of the meshes that touch, or says why they cannot be used.
+std::vector<MeshInContact> TakeMeshPoints(const Arguments& arguments, const std::string& text,
+                                          const LockedJoints& locked, RobotReview& review) {
+  if (arguments.mesh_points == 0 || !review.robot) return {};
+  try {
+    const RobotOfPoints with =
+        WithMeshPoints(text, *review.robot, static_cast<std::size_t>(arguments.mesh_points));
+    review = ReviewRobot(with.urdf, arguments.robot, RootOf(arguments), locked);
+    return with.meshes;
+  } catch (const RobotFileError& error) {
+    review = {};
+    review.mistakes = error.findings();
+    return {};
+  }
+}
+
 ExitStatus Check(const Arguments& arguments) {
   const std::string text = ReadTextFile(arguments.robot);
   const LockedJoints locked = LockedOf(arguments);
-  const RobotReview review = ReviewRobot(text, arguments.robot, RootOf(arguments), locked);
+  RobotReview review = ReviewRobot(text, arguments.robot, RootOf(arguments), locked);
+  const std::vector<MeshInContact> meshes = TakeMeshPoints(arguments, text, locked, review);
   for (const RobotFinding& mistake : review.mistakes) {
     fmt::print(
         stderr, "tumbler model: {}\n",
@@ -314,6 +341,9 @@ ExitStatus Check(const Arguments& arguments) {
   PrintMasses(robot);
   for (const RobotFinding& finding : robot.findings) PrintFinding(robot, finding, "warning");
   PrintUndetermined(robot);
+  for (const MeshInContact& mesh : meshes) {
+    PrintFinding(robot, {mesh.line, fmt::format("link '{}'", mesh.link), Describe(mesh)}, "note");
+  }
   for (const IgnoredShape& shape : review.ignored_shapes) {
     PrintFinding(
         robot,
@@ -655,6 +685,11 @@ ExitStatus Main(int argc, char** argv) {
     command.Option("--locked", arguments.locked,
                    "Joints that are held, and where [rad, m]: JOINT=POSITION, separated by commas");
   }
+  check
+      .Option("--mesh-points", arguments.mesh_points,
+              "Let collision meshes touch with so many corners of their convex hulls, as a task "
+              "with contact.meshes = \"points\"")
+      .Within(kFewestMeshPoints, kMostMeshPoints);
   hybrid.Option("--prescribed", arguments.prescribed,
                 "Joints (or coordinates of the root) whose acceleration is given, separated "
                 "by commas; the others are free");

@@ -59,7 +59,7 @@ TaskPointer Replaced(const Task& self, const py::object& changes,
       TomlOfPython().attr("changed")(self.task_text, self.task_file, all).cast<std::string>();
   if (robot_text || all.contains("robot")) return TaskOfText(text, self.task_file, robot_text);
   return std::make_shared<Task>(Reading(self.task_file, [&](const std::string& name) {
-    return ParseTask(text, name, self.robot_text, self.robot_file, TaskSpaces::kPlaneAndSpace);
+    return ParseTask(text, name, self.robot_as_given, self.robot_file, TaskSpaces::kPlaneAndSpace);
   }));
 }
 
@@ -119,7 +119,8 @@ void BindTasks(py::module_& module) {
       .def_readonly("file", &Task::task_file, "The file's name, or what stands for it.")
       .def_readonly("robot_file", &Task::robot_file)
       .def_readonly("text", &Task::task_text, "The file's text (TOML).")
-      .def_readonly("robot_text", &Task::robot_text, "The robot's file (URDF).")
+      .def_readonly("robot_text", &Task::robot_text,
+                    "The robot's file (URDF), with points for meshes that touch.")
       .def_property_readonly(
           "values", [](const Task& self) { return ValuesOf(self.task_text); },
           "The keys that the file gives, as nested dictionaries and lists.")

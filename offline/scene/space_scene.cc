@@ -53,15 +53,15 @@ double LowestHeight(SpaceDynamics& robot, const SpaceScene& scene) {
   return high;
 }
 
-/// What the robot's bodies fill: its collision shapes, and the visual shapes that are no meshes and
-/// no copy of a collision shape.
+/// What the robot's bodies fill: its collision shapes but for meshes and their points, and the
+/// visual shapes that are no meshes and no copy of a collision shape.
 std::vector<SpaceOwnShape> OwnShapesOf(const Robot& robot) {
   std::vector<SpaceOwnShape> shapes;
   for (const bool drawn : {false, true}) {
     const std::size_t known = shapes.size();
     for (const RobotShape& shape : drawn ? robot.visual_shapes : robot.collision_shapes) {
       const std::optional<Shape<Spatial>> outline = SpatialOutline(shape);
-      if (!outline || shape.body < 0) continue;
+      if (!outline || shape.body < 0 || shape.mesh_point) continue;
       SpaceOwnShape own{shape.name, shape.link, shape.body, *outline, drawn};
       if (drawn) own.name.insert(own.link.size(), "/visual");
       const auto end = shapes.begin() + static_cast<std::ptrdiff_t>(known);

@@ -145,7 +145,7 @@ std::vector<double> TaskGrid::At(int point) const {
 Task TaskGrid::TaskAt(int point) const { return TaskWith(At(point)); }
 
 Task TaskGrid::TaskWith(const std::vector<double>& values) const {
-  std::string task = base_.task_text, robot = base_.robot_text;
+  std::string task = base_.task_text, robot = base_.robot_as_given;
   for (std::size_t a = 0; a < axes_.size(); ++a) {
     if (const std::optional<std::string> link = MassOf(axes_[a].of)) {
       robot = WithMassTimes(values[a], *link, robot, base_.robot_file);

@@ -10,6 +10,7 @@
 #include <numbers>
 #include <string>
 
+#include "offline/model/mesh_file.h"
 #include "offline/pages/shown_scene.h"
 #include "tests/support/files.h"
 
@@ -51,6 +52,7 @@ TEST_F(Meshes, AreFoundFromTheRobotsFileOrInThePackageAboveIt) {
       (folder_.path() / "arm_description" / "meshes" / "a.obj").lexically_normal().string();
   for (const std::string& named : {std::string("package://arm_description/meshes/a.obj"),
                                    std::string("package://another_name/meshes/a.obj"),
+                                   std::string("model://arm_description/meshes/a.obj"),
                                    std::string("../meshes/a.obj"), "file://" + mesh, mesh}) {
     EXPECT_EQ(std::filesystem::path(FindMesh(named, robot_)).lexically_normal(), mesh) << named;
   }
