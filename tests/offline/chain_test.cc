@@ -306,13 +306,16 @@ TEST(SimulateChain, PrimitivesOfDifferentGroundsAreRefused) {
   }
 }
 
-TEST(SimulateChain, NorDoesASimulatedRobotOrAnExportTakeThem) {
+TEST(SimulateChain, NorDoesACheckASimulatedRobotOrAnExportOrAStudyTakeThem) {
   auto files = ThereAndBack();
   Soften(files[1]);
   const SequenceFolder folder(Sway(), files);
   const std::string model = (folder.path() / "model.xml").string();
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
            {"tumbler", "run", "sim", folder.file().string(), "--cycles", "1"},
+           {"tumbler", "chain", "check", folder.file().string()},
+           {"tumbler", "robustness", folder.file().string(), "--robots", "1", "--cycles", "1"},
+           {"tumbler", "export", folder.file().string(), "--setpoints-csv", "-"},
            {"tumbler", "export", folder.file().string(), "--mjcf", model}}) {
     const testing::Outcome outcome = testing::RunProgram(command);
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
