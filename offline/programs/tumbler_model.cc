@@ -37,7 +37,8 @@ namespace {
 constexpr const char* kExitCodes =
     R"(Exit codes:
   0  usable
-  1  wrong usage, or a file or state that cannot be used)";
+  1  wrong usage, or a file or state that cannot be used
+  4  check: no task takes the robot, even with the joints locked that it names)";
 
 using Dynamics = HybridDynamics<Spatial>;
 
@@ -322,7 +323,7 @@ ExitStatus Check(const Arguments& arguments) {
   }
   PrintUse(review);
   FlushOutput();
-  return ExitStatus::kDone;
+  return review.CanBePlanned() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 // ---- hybrid -------------------------------------------------------------------------------------
