@@ -11,6 +11,7 @@
 
 #include "common/files/file_keys.h"
 #include "common/files/printable.h"
+#include "offline/model/robot_notes.h"
 #include "offline/problem/bounds_toml.h"
 #include "offline/problem/end_points.h"
 #include "offline/problem/require_joint.h"
@@ -280,8 +281,8 @@ void CheckObstacles(TomlTable& root, std::size_t obstacles, std::size_t shapes,
                     const std::vector<IgnoredShape>& ignored) {
   if (shapes == 0 && obstacles > 0) {
     std::string why;
-    for (const IgnoredShape& shape : ignored)
-      why += fmt::format("; {} (line {})", shape.reason, shape.line);
+    for (const RobotFinding& note : NotesOf(ignored))
+      why += fmt::format("; {} (line {})", note.problem, note.line);
     root.Fail("obstacle",
               fmt::format("the robot has no collision shape that could touch it{}; give its links "
                           "spheres, cylinders or boxes, or fly: obstacle = []",

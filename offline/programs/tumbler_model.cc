@@ -27,6 +27,7 @@
 #include "offline/model/mjcf.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
+#include "offline/model/robot_notes.h"
 #include "offline/model/robot_review.h"
 #include "offline/model/sdf.h"
 #include "offline/model/urdf_source.h"
@@ -121,11 +122,7 @@ Robot LoadRobot(const Arguments& arguments) {
   Robot robot = ParseRobot(text, arguments.robot, RootOf(arguments), locked);
   CheckLocked(robot, locked);
   const UrdfSource source(text, arguments.robot);
-  for (const RoundedAngle& angle : source.rounded_angles()) {
-    fmt::print(stderr, "{}:{}: {}: note: {}\n", arguments.robot, angle.line, angle.key,
-               Describe(angle));
-  }
-  for (const RobotFinding& note : source.notes())
+  for (const RobotFinding& note : NotesOf(source))
     fmt::print(stderr, "{}:{}: {}: note: {}\n", robot.file, note.line, note.key, note.problem);
   return robot;
 }
@@ -315,12 +312,7 @@ ExitStatus Check(const Arguments& arguments) {
   PrintMasses(robot);
   for (const RobotFinding& finding : robot.findings) PrintFinding(robot, finding, "warning");
   PrintUndetermined(robot);
-  for (const IgnoredShape& shape : review.ignored_shapes) {
-    PrintFinding(
-        robot,
-        {shape.line, fmt::format("link '{}'", shape.link), shape.reason + ": contact ignores it"},
-        "note");
-  }
+  for (const RobotFinding& note : NotesOf(review.ignored_shapes)) PrintFinding(robot, note, "note");
   PrintUse(review);
   FlushOutput();
   return review.CanBePlanned() ? ExitStatus::kDone : ExitStatus::kAmiss;

@@ -256,6 +256,29 @@ const std::string kInPlane =
 const std::string kAcross =
     "<axis xyz='1 0 0'/><limit lower='0.2' upper='1' effort='3' velocity='4'/>";
 
+TEST(ModelCheck, SaysOnceWhatIsTrueOfManyShapesAndJoints) {
+  std::string text =
+      Row(std::vector<std::string>(9,
+                                   "<origin rpy='0 0 1.5708'/><axis xyz='1 0 0'/>"
+                                   "<limit lower='-1' upper='1' effort='3' velocity='4'/>"));
+  text = testing::ReplacedAll(text, "<sphere radius='0.1'/>", "<mesh filename='a.stl'/>");
+  const ModelOutcome run = ModelRunner(text)("check", "--root floating");
+  const auto count = [](const std::string& in, const std::string& what) {
+    std::size_t times = 0;
+    for (std::size_t at = in.find(what); at != std::string::npos; at = in.find(what, at + 1))
+      ++times;
+    return times;
+  };
+  EXPECT_THAT(
+      run.out,
+      HasSubstr("link 'l0': note: collision shape l0/0 is a mesh: contact ignores it (as of 9 "
+                "more: l1/0, l2/0, l3/0, ...)\n"));
+  EXPECT_EQ(count(run.out, "is a mesh"), 1U);
+  EXPECT_THAT(run.err, HasSubstr("joint 'j0': note: origin rpy 1.5708 is taken as pi/2 (as of 8 "
+                                 "more: joint 'j1', joint 'j2', joint 'j3', ...)\n"));
+  EXPECT_EQ(count(run.err, "is taken as"), 1U);
+}
+
 TEST(ModelCheck, ListsEverythingAtOnceAndTheJointsThatATaskHasToLock) {
   const ModelOutcome run = ModelRunner(
       Row({kInPlane, "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='0' velocity='0'/>",
