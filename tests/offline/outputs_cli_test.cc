@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/held_results.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 
@@ -105,6 +106,20 @@ TEST_F(Outputs, NeverReplaceAnotherOutput) {
         << command_line;
     ASSERT_EQ(Content(), before) << command_line;
   }
+}
+
+TEST_F(Outputs, AreNotBegunWhereAnotherProgramMakesThem) {
+  const std::string task = SourcePath("primitives/tasks/nominal/handstand.toml");
+  const auto before = Content();
+  {
+    const HeldResults other({folder_ / "q.toml"});
+    const Outcome outcome = In("tumbler optimize " + task + " --out ./q.toml");
+    EXPECT_EQ(outcome.exit_code, 1);
+    EXPECT_EQ(outcome.text,
+              "tumbler optimize: ./q.toml: is being written by another program; wait for its end, "
+              "or give this one a file of its own\n");
+  }
+  EXPECT_EQ(Content(), before);
 }
 
 TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {
