@@ -122,6 +122,27 @@ TEST_F(Outputs, AreNotBegunWhereAnotherProgramMakesThem) {
   EXPECT_EQ(Content(), before);
 }
 
+TEST_F(Outputs, OfOneKindAreCalledByItWhereAnotherIsRead) {
+  for (const auto& [command_line, says] : std::vector<std::pair<std::string, std::string>>{
+           {"tumbler view x.lcm --out page",
+            "tumbler view: x.lcm: is an LCM log, which tumbler record takes; allowed: flight "
+            "records (`tumbler run --record`), and primitives\n"},
+           {"tumbler view x.rec x.log --out page",
+            "tumbler view: x.log: is a candump log, which tumbler replay takes; allowed: flight "
+            "records (`tumbler run --record`), and primitives\n"},
+           {"tumbler view x.lcm",
+            "tumbler view: x.lcm: is not a flight record, but an LCM log, which tumbler record "
+            "takes\n"},
+           {"tumbler run sim x.rec",
+            "tumbler run: x.rec: is a flight record, which tumbler record, replay and view take; "
+            "here a TOML file is read\n"}}) {
+    const Outcome outcome = In(command_line);
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_EQ(outcome.text, says);
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "page"));
+}
+
 TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {
   const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   for (const std::string& command_line : {
