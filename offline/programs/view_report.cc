@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <stdexcept>
@@ -126,7 +127,7 @@ ExitStatus WriteReportOfRuns(const ReportArguments& arguments) {
     }
   }
   fmt::print("wrote {}\n", page);
-  return ExitStatus::kDone;
+  return std::ranges::any_of(runs, &RunData::damaged) ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
 void CheckReport(const ReportArguments& arguments) {

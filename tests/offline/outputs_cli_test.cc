@@ -4,6 +4,7 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -141,6 +142,24 @@ TEST_F(Outputs, OfOneKindAreCalledByItWhereAnotherIsRead) {
     EXPECT_EQ(outcome.text, says);
   }
   EXPECT_FALSE(std::filesystem::exists(folder_ / "page"));
+}
+
+TEST_F(Outputs, OfADamagedRecordShowTheRestAndEndWithStatus4) {
+  std::string record = ReadFile(folder_ / "x.rec");
+  record[record.size() / 2] = static_cast<char>(~record[record.size() / 2]);
+  WriteFile(folder_ / "damaged.rec", record);
+  const Outcome page = In("tumbler view damaged.rec --out damaged.html");
+  EXPECT_EQ(page.exit_code, 4) << page.text;
+  EXPECT_THAT(page.text, HasSubstr("  damaged: byte "));
+  EXPECT_THAT(page.text, HasSubstr("wrote damaged.html\n"));
+  EXPECT_EQ(In("tumbler view x.rec --out whole.html").exit_code, 0);
+  EXPECT_EQ(In("tumbler record damaged.rec").exit_code, 4) << "the same as others say";
+  testing::Program shown(
+      {testing::ProgramPath("tumbler view"), folder_ / "damaged.rec", "--port", "0"});
+  EXPECT_TRUE(shown.WaitFor("Ctrl-C ends it.")) << shown.text();
+  shown.Signal(SIGINT);
+  EXPECT_EQ(shown.Wait(), 4) << shown.text();
+  EXPECT_THAT(shown.text(), HasSubstr("damaged.rec: damaged at byte "));
 }
 
 TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {
