@@ -11,6 +11,8 @@
 #include <system_error>
 #include <utility>
 
+#include "common/files/held_results.h"
+
 namespace tumbler {
 namespace {
 
@@ -283,9 +285,7 @@ WriterLock::WriterLock(const std::string& path) {
   if (file_ < 0) FailWrite(path, SystemMessage(errno));
   if (flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;  // or has no locks
   close(file_);
-  throw FileError(path, 0, "",
-                  "is being written by another program; wait for its end, or give this one a file "
-                  "of its own");
+  throw FileError(path, 0, "", kWrittenByAnother);
 }
 
 WriterLock::~WriterLock() {
@@ -297,13 +297,6 @@ void CheckResult(const std::string& path) {
 }
 
 namespace {
-
-/// Where a file is, or would be when it is made. A name is looked up from the working folder, since
-/// one of a file that is not there is else taken as it is written.
-std::filesystem::path PlaceOf(const std::string& name) {
-  std::error_code ignored;
-  return std::filesystem::weakly_canonical(std::filesystem::absolute(name, ignored), ignored);
-}
 
 /// Whether two names are of the same file, or would be when it is made.
 bool SameFile(const std::string& a, const std::string& b) {

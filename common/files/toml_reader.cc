@@ -18,6 +18,8 @@
 
 #include <toml++/toml.h>
 
+#include "common/files/file_kind.h"
+
 namespace tumbler {
 
 FileError::FileError(const std::string& file, std::uint32_t line, const std::string& key,
@@ -55,8 +57,12 @@ std::string ReadTextFile(const std::string& path) {
   while (stream.read(part.data(), part.size()), stream.gcount() > 0) {
     text.append(part.data(), static_cast<std::size_t>(stream.gcount()));
     if (text.size() > kLargestFile) {
-      throw FileError(path, 0, "",
-                      fmt::format("is too large; allowed: up to {} bytes", kLargestFile));
+      const std::string_view kind = KindOfRunFile(text);
+      throw FileError(
+          path, 0, "",
+          kind.empty()
+              ? fmt::format("is too large; allowed: up to {} bytes", kLargestFile)
+              : fmt::format("is {}; here a text of up to {} bytes is read", kind, kLargestFile));
     }
   }
   return text;
@@ -308,6 +314,8 @@ TomlTable TomlTable::ParseFile(const std::string& path) { return Parse(ReadTextF
 TomlTable TomlTable::Parse(std::string_view text, const std::string& name) {
   auto document = std::make_shared<Document>();
   document->file = name;
+  if (const std::string_view kind = KindOfRunFile(text); !kind.empty())
+    throw FileError(name, 0, "", fmt::format("is {}; here a TOML file is read", kind));
   if (const std::size_t at = text.find('\0'); at != std::string_view::npos) {
     const auto line =
         1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');

@@ -129,7 +129,7 @@ class Simulation {
 
   ChainOutcome Run() {
     const std::vector<PlannedPassage> planned =
-        PlannedPassages(file_.graph, options_.cycles, options_.branch);
+        PlannedPassages(file_, options_.cycles, options_.branch);
     SetStart(file_.graph.start);
     for (const PlannedPassage& next : planned) {
       PlayedNode& passage = outcome_.passages.emplace_back();

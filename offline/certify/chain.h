@@ -120,8 +120,8 @@ struct ChainOutcome {
 /// each other's paths; the simulated robot stays as it is and need not be symmetric.
 /// @param motion   of a robot in the plane or in space.
 /// @param visitor  called at every integration step in the plane, with the node; may be empty.
-/// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
-/// std::invalid_argument when the branch is not in the sequence, or the sequence would never end,
+/// @throws FileError when a primitive's texts cannot be used, or the sequence would never end,
+/// or as RequireSameGround does; std::invalid_argument when the branch is not in the sequence,
 /// or when its primitives have different passive joints, or any while joints exchange their roles.
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});

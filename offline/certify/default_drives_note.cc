@@ -8,6 +8,7 @@
 
 #include "common/core/default_drives.h"
 #include "common/core/index.h"
+#include "offline/problem/joint_units.h"
 
 namespace tumbler {
 
@@ -20,12 +21,15 @@ std::string BeyondDefaultDrives(const Problem& problem) {
   };
   for (const ActuatedJoint& joint : problem.joints) {
     const std::string of = problem.name_of(joint) + ": ";
+    const JointUnits units = UnitsOf(problem, joint);
     const JointLimits<double>& limits = joint.limits;
-    compare(of, "position_min_rad", limits.position_min_rad, kDefaultDrives.position_rad, "rad");
-    compare(of, "position_max_rad", limits.position_max_rad, kDefaultDrives.position_rad, "rad");
+    compare(of, "position_min_rad", limits.position_min_rad, kDefaultDrives.position_rad,
+            units.position);
+    compare(of, "position_max_rad", limits.position_max_rad, kDefaultDrives.position_rad,
+            units.position);
     compare(of, "velocity_max_rad_s", limits.velocity_max_rad_s, kDefaultDrives.velocity_rad_s,
-            "rad/s");
-    compare(of, "torque_max_nm", limits.torque_max_nm, kDefaultDrives.torque_nm, "N m");
+            units.velocity);
+    compare(of, "torque_max_nm", limits.torque_max_nm, kDefaultDrives.torque_nm, units.force);
   }
   const DriveGains gains = problem.drive_gains();
   compare("", "kp_nm_per_rad", gains.kp_nm_per_rad, kDefaultDrives.kp_nm_per_rad, "N m/rad");

@@ -4,12 +4,14 @@
 
 #include <stdexcept>
 
-#include "common/files/sequence_toml.h"
+#include "common/core/index.h"
+#include "common/files/toml_reader.h"
 
 namespace tumbler {
 
-std::vector<PlannedPassage> PlannedPassages(const SequenceGraph<double>& graph, int cycles,
+std::vector<PlannedPassage> PlannedPassages(const SequenceFile& file, int cycles,
                                             const std::string& branch) {
+  const SequenceGraph<double>& graph = file.graph;
   if (!branch.empty() && !graph.HasBranch(branch)) {
     const std::vector<std::string> names = BranchNames(graph);
     throw std::invalid_argument(
@@ -27,10 +29,11 @@ std::vector<PlannedPassage> PlannedPassages(const SequenceGraph<double>& graph, 
     passages.push_back({node, edge, done});
     if (edge < 0) return passages;
     if (since_cycle > graph.node_count || done > cycles + graph.node_count) {
-      throw std::invalid_argument(fmt::format(
-          "the sequence '{}' goes round for ever: give it a number of cycles and a node that "
-          "ends a cycle, or a branch on its way",
-          graph.name.view()));
+      throw FileError(file.path, file.node_lines[Index(node)], fmt::format("node[{}]", node),
+                      fmt::format("'{}' is played again and again: the sequence '{}' goes round "
+                                  "for ever; give it a number of cycles and a node that ends a "
+                                  "cycle, or a branch on its way",
+                                  graph.node(node).name.view(), graph.name.view()));
     }
     branched = branched || graph.edge(edge).when == EdgeCondition::kBranch;
     node = graph.edge(edge).to;

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/core/sequence.h"
+#include "common/files/sequence_toml.h"
 
 namespace tumbler {
 
@@ -16,8 +16,9 @@ struct PlannedPassage {
 
 /// The motions that a sequence plays, one after the other, when nothing but its plan asks for
 /// anything: so many cycles, and then its end or a branch (PlannedRequest).
-/// @throws std::invalid_argument  when there is no such branch, or it never ends.
-std::vector<PlannedPassage> PlannedPassages(const SequenceGraph<double>& graph, int cycles,
+/// @throws std::invalid_argument  when there is no such branch.
+/// @throws FileError  about a node on the round when it never ends.
+std::vector<PlannedPassage> PlannedPassages(const SequenceFile& file, int cycles,
                                             const std::string& branch);
 
 }  // namespace tumbler

@@ -7,9 +7,11 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "offline/certify/certificate_text.h"
 #include "offline/certify/default_drives_note.h"
+#include "offline/model/robot_notes.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {
@@ -188,23 +190,18 @@ void PrintMinimum(std::FILE* people, const TaskResult& result) {
 
 void PrintNotes(const Task& task) {
   const UrdfSource robot(task.robot_text, task.robot_file);
-  for (const RoundedAngle& angle : robot.rounded_angles()) {
-    fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, angle.line, angle.key,
-               Describe(angle));
-  }
-  for (const RobotFinding& note : robot.notes()) {
-    fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, note.line, note.key, note.problem);
-  }
+  const auto print = [&task](const std::vector<RobotFinding>& notes) {
+    for (const RobotFinding& note : notes) {
+      fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, note.line, note.key,
+                 note.problem);
+    }
+  };
+  print(NotesOf(robot));
   for (const MeshInContact& mesh : task.meshes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}\n", task.robot_file, mesh.line, mesh.link,
                Describe(mesh));
   }
-  task.problem.WithScene([&](const auto& scene) {
-    for (const IgnoredShape& shape : scene.robot.ignored_shapes) {
-      fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
-                 shape.line, shape.link, shape.reason);
-    }
-  });
+  task.problem.WithScene([&](const auto& scene) { print(NotesOf(scene.robot.ignored_shapes)); });
   const std::string through =
       task.problem.WithScene([](const auto& scene) { return LinksWithoutContact(scene.robot); });
   if (!task.problem.in_empty_space() && !through.empty()) {

@@ -6,6 +6,7 @@
 
 #include "common/core/index.h"
 #include "offline/model/planar_robot.h"
+#include "offline/model/robot_notes.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {
@@ -92,9 +93,7 @@ RobotReview ReviewRobot(const std::string& text, const std::string& file, RootKi
   try {
     review.robot = ParseRobot(text, file, root, locked);
     const UrdfSource source(text, file);
-    review.notes = source.notes();
-    for (const RoundedAngle& angle : source.rounded_angles())
-      review.notes.push_back({angle.line, angle.key, Describe(angle)});
+    review.notes = NotesOf(source);
   } catch (const RobotFileError& error) {
     review.mistakes = error.findings();
     return review;

@@ -14,7 +14,7 @@ bool IsSdf(const std::string& path);
 /// Reads a robot of SDF, the files of Gazebo, by libsdformat, in the pose in which all joints are
 /// at zero.
 ///
-/// The file's first model is taken, outside of a world or in the first one; others are noted. Links
+/// The one model that has joints is taken, or the first where none has; others are noted. Links
 /// and joints of models in it are its own, with the names that SDF has for them, `ARM::hand`. Poses
 /// may be relative to any frame, and axes expressed in one. The frame of a link is that of the
 /// joint that carries it. A joint on `world`, and `<static>`, fix the root to the link `world`.
@@ -32,10 +32,10 @@ bool IsSdf(const std::string& path);
 /// `model://`, and never in a network. A mesh of `model://` is one of `package://`.
 /// @param velocity  the limit of joints that have none [rad/s, m/s].
 /// @throws FileError  with line and name: the library does not take the file, its version is
-/// missing or below 1.2, there is no model, a file includes itself, there are more than 3000
-/// frames, a text is not the numbers that it should be, or not finite, a size is not above 0, an
-/// axis has no direction, ends of a joint are in the wrong order, an inertial is `auto`, or links
-/// and joints are not one tree.
+/// missing or below 1.2, there is no model or several have joints, a file includes itself, there
+/// are more than 3000 frames, a text is not the numbers that it should be, or not finite, a size is
+/// not above 0, an axis has no direction, ends of a joint are in the wrong order, an inertial is
+/// `auto`, or links and joints are not one tree.
 /// @throws std::runtime_error  when this build has no libsdformat.
 TranslatedRobot ReadSdf(const std::string& path, std::optional<double> velocity);
 

@@ -17,7 +17,6 @@
 #include <system_error>
 
 #include "common/files/toml_reader.h"
-#include "offline/model/sdf_source.h"
 
 namespace tumbler {
 namespace {
@@ -112,6 +111,17 @@ std::uint32_t LineIn(const std::map<std::string, std::uint32_t>& lines,
   return 0;
 }
 
+/// Whether anything in the model moves.
+bool HasJoints(const sdf::Model& model) {  // NOLINT(misc-no-recursion)
+  for (std::uint64_t k = 0; k < model.JointCount(); ++k) {
+    if (model.JointByIndex(k)->Type() != sdf::JointType::FIXED) return true;
+  }
+  for (std::uint64_t k = 0; k < model.ModelCount(); ++k) {
+    if (HasJoints(*model.ModelByIndex(k))) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 SdfFile::SdfFile(const std::string& path)
@@ -120,7 +130,7 @@ SdfFile::SdfFile(const std::string& path)
   config.SetUnrecognizedElementsPolicy(sdf::EnforcementPolicy::WARN);
   config.SetFindCallback([this](const std::string& uri) { return Find(uri); });
   const SdfConsole console;
-  CheckSources(absolute_, config, {}, true);
+  CheckSources(absolute_, config, {}, SdfTaken::kFirst);
   // A path that is not absolute is one of the library's own files, if it has such a one.
   const sdf::Errors errors = root_.Load(absolute_.string(), config);
   const std::vector<std::string> said = console.Messages();
@@ -145,10 +155,10 @@ std::string SdfFile::NameOf(const std::string& file) const {
 /// The library reads files that include themselves until its stack is full, and those that
 /// include many that include many until the memory is.
 /// @param above  the files that include this one.
-/// @param taken  whether its first model is part of the robot.
+/// @param taken  which of its models can be part of the robot.
 void SdfFile::CheckSources(const std::filesystem::path& file,  // NOLINT(misc-no-recursion)
                            const sdf::ParserConfig& config,
-                           std::vector<std::filesystem::path> above, bool taken) {
+                           std::vector<std::filesystem::path> above, SdfTaken taken) {
   constexpr int kMostIncludes = 1000;
   constexpr int kMostFrames = 3000;
   std::error_code none;
@@ -169,7 +179,7 @@ void SdfFile::CheckSources(const std::filesystem::path& file,  // NOLINT(misc-no
                     "<screw_thread_pitch>",
                     name, source.newer_version));
   }
-  for (const auto& [line, uri, in_robot] : source.includes) {
+  for (const auto& [line, uri, included] : source.includes) {
     std::string found = sdf::findFile(uri, true, true, config);
     if (std::filesystem::is_directory(found, none)) found = sdf::getModelFilePath(found);
     if (!std::filesystem::is_regular_file(found, none)) continue;  // The library says so.
@@ -184,7 +194,7 @@ void SdfFile::CheckSources(const std::filesystem::path& file,  // NOLINT(misc-no
       throw FileError(name, line, "<include>",
                       fmt::format("there are more than {} of them in all", kMostIncludes));
     }
-    CheckSources(found, config, above, taken && in_robot);
+    CheckSources(found, config, above, included);
   }
 }
 
@@ -234,7 +244,7 @@ void SdfFile::Refuse(const sdf::Errors& errors, const std::vector<std::string>& 
     }
   }
   for (const sdf::Error& error : errors) {
-    // FindModel takes the first, and says so.
+    // FindModel looks at them.
     if (error.Message().starts_with("Root object can only contain one model")) continue;
     if (!file) file = NameOf(error.FilePath().value_or(""));
     if (line == 0) line = static_cast<std::uint32_t>(std::max(0, error.LineNumber().value_or(0)));
@@ -249,41 +259,66 @@ void SdfFile::Refuse(const sdf::Errors& errors, const std::vector<std::string>& 
                               more > 0 ? fmt::format(" (and {} more)", more) : ""));
 }
 
+/// The ground, a table or a lamp is a model, too, in a world: the robot is the one that has joints
+/// that move, or the first where none has.
 void SdfFile::FindModel() {
-  model_ = root_.Model();
-  std::vector<std::string> others;
-  if (model_ != nullptr) {
+  std::vector<std::pair<const sdf::Model*, const sdf::World*>> models;
+  std::vector<std::string> names, with_joints;
+  const auto add = [&](const sdf::Model& model, const sdf::World* world) {
+    models.emplace_back(&model, world);
+    names.push_back(model.Name());
+    if (!HasJoints(model)) return;
+    if (with_joints.empty()) model_ = &model;
+    with_joints.push_back(model.Name());
+  };
+  if (root_.Model() != nullptr) {
+    add(*root_.Model(), nullptr);
+    // The library has no others beside it.
     const sdf::ElementPtr first = root_.Element()->FindElement("model");
     for (sdf::ElementPtr e = first; e != nullptr; e = e->GetNextElement("model")) {
-      if (e != first) others.push_back(e->Get<std::string>("name"));
+      if (e == first) continue;
+      names.push_back(e->Get<std::string>("name"));
+      if (!e->HasElement("joint")) continue;
+      if (with_joints.empty()) {
+        Fail(e, fmt::format("model '{}'", names.back()),
+             fmt::format("has joints, but libsdformat takes the first model of <sdf> alone, '{}'; "
+                         "put it into a file of its own",
+                         names.front()));
+      }
+      with_joints.push_back(names.back());
     }
   }
   for (std::uint64_t w = 0; w < root_.WorldCount(); ++w) {
     const sdf::World& world = *root_.WorldByIndex(w);
-    for (std::uint64_t k = 0; k < world.ModelCount(); ++k) {
-      const sdf::Model* const model = world.ModelByIndex(k);
-      if (model_ != nullptr) {
-        others.push_back(model->Name());
-        continue;
-      }
-      model_ = model;
-      const auto g = world.Gravity();
-      if (std::abs(g.X()) + std::abs(g.Y()) > 1e-9 || std::abs(g.Z() + 9.8) > 0.05) {
-        notes.push_back(fmt::format(
-            "the world's gravity of {} {} {} is left out: that of a robot is 9.81 m/s^2 down",
-            g.X(), g.Y(), g.Z()));
-      }
+    for (std::uint64_t k = 0; k < world.ModelCount(); ++k) add(*world.ModelByIndex(k), &world);
+  }
+  if (models.empty()) {
+    Fail(nullptr, "",
+         "there is no <model> in it; a robot is one <model>, in <sdf> or in a <world>");
+  }
+  if (with_joints.size() > 1) {
+    Fail(nullptr, "",
+         fmt::format("several models have joints, and a robot is one of them: '{}'; put the one "
+                     "that is meant into a file of its own",
+                     fmt::join(with_joints, "', '")));
+  }
+  if (model_ == nullptr) model_ = models.front().first;
+  const auto taken = std::ranges::find(models, model_, [](const auto& pair) { return pair.first; });
+  if (taken->second != nullptr) {
+    const auto g = taken->second->Gravity();
+    if (std::abs(g.X()) + std::abs(g.Y()) > 1e-9 || std::abs(g.Z() + 9.8) > 0.05) {
+      notes.push_back(fmt::format(
+          "the world's gravity of {} {} {} is left out: that of a robot is 9.81 m/s^2 down", g.X(),
+          g.Y(), g.Z()));
     }
   }
-  if (model_ == nullptr) {
-    Fail(nullptr, "",
-         "there is no <model> in it; a robot is one <model>, in <sdf> or in its first <world>");
-  }
-  if (!others.empty()) {
-    notes.push_back(
-        fmt::format("the model '{}' is taken, and not '{}': put another one into a file of its "
-                    "own to have it",
-                    model_->Name(), fmt::join(others, "', '")));
+  std::erase(names, model_->Name());
+  if (!names.empty()) {
+    notes.push_back(fmt::format(
+        "the model '{}' is taken, {}, and not '{}': put another one into a file of its "
+        "own to have it",
+        model_->Name(), with_joints.empty() ? "the first, as none has joints" : "which has joints",
+        fmt::join(names, "', '")));
   }
 }
 

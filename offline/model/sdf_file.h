@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "offline/model/sdf_source.h"
+
 namespace tumbler {
 
 /// A file of SDF, as libsdformat has it.
@@ -29,7 +31,7 @@ class SdfFile {
   /// As the caller named it, where it is the same.
   [[nodiscard]] std::string NameOf(const std::string& file) const;
   void CheckSources(const std::filesystem::path& file, const sdf::ParserConfig& config,
-                    std::vector<std::filesystem::path> above, bool taken);
+                    std::vector<std::filesystem::path> above, SdfTaken taken);
   [[nodiscard]] std::string Find(const std::string& uri) const;
   [[nodiscard]] std::string WithPlaceFirst(const std::string& message) const;
   void Refuse(const sdf::Errors& errors, const std::vector<std::string>& said) const;

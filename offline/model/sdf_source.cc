@@ -90,12 +90,12 @@ std::optional<Value> WholeNumber(std::string_view word) {
 
 class SdfSourceReader {
  public:
-  SdfSourceReader(const std::string& name, bool taken) : name_(name), taken_(taken) {}
+  SdfSourceReader(const std::string& name, SdfTaken taken) : name_(name), taken_(taken) {}
 
   SdfSource Read(const XMLElement& root) {
     const bool is_sdf = NameOf(root) == "sdf";
     if (is_sdf) CheckVersion(root);
-    Look(root, is_sdf && taken_);
+    Look(root, is_sdf ? taken_ : SdfTaken::kNone);
     return std::move(source_);
   }
 
@@ -135,26 +135,37 @@ class SdfSourceReader {
     if (*major > 1 || *minor > kNewestMinor) source_.newer_version = text;
   }
 
+  static bool HasJoints(const XMLElement& model) {  // NOLINT(misc-no-recursion)
+    for (const XMLElement* e = model.FirstChildElement(); e != nullptr;
+         e = e->NextSiblingElement()) {
+      const std::string_view kind = NameOf(*e);
+      if (kind == "joint" || kind == "include" || (kind == "model" && HasJoints(*e))) return true;
+    }
+    return false;
+  }
+
   /// @param taken  whether it is part of the robot.
-  void Look(const XMLElement& element, bool taken) {  // NOLINT(misc-no-recursion)
+  void Look(const XMLElement& element, SdfTaken taken) {  // NOLINT(misc-no-recursion)
     const std::string_view kind = NameOf(element);
     // Whatever these have is their own.
     if (kind == "plugin" || kind == "state") return;
     source_.frames += static_cast<int>(std::count(kSdfFrames.begin(), kSdfFrames.end(), kind));
     if (kind == "include") AddInclude(element, taken);
-    if (taken) Check(element);
-    const bool many = kind == "sdf" || kind == "world";  // Of their models the first is taken.
+    if (kind == "model" && taken == SdfTaken::kWithJoints)
+      taken = HasJoints(element) ? SdfTaken::kFirst : SdfTaken::kNone;
+    if (taken == SdfTaken::kFirst) Check(element);
+    const bool many = kind == "sdf" || kind == "world";  // Of their models one is taken.
     const bool passed = kind == "sdf" && element.FirstChildElement("model") != nullptr;
     for (const XMLElement* e = element.FirstChildElement(); e != nullptr;
          e = e->NextSiblingElement()) {
       const bool is_model = NameOf(*e) == "model" || NameOf(*e) == "include";
       const bool other = (many && is_model && had_model_) || (passed && NameOf(*e) == "world");
       if (many && is_model) had_model_ = true;
-      Look(*e, taken && !other);
+      Look(*e, other && taken == SdfTaken::kFirst ? SdfTaken::kWithJoints : taken);
     }
   }
 
-  void AddInclude(const XMLElement& element, bool taken) {
+  void AddInclude(const XMLElement& element, SdfTaken taken) {
     const XMLElement* const uri = element.FirstChildElement("uri");
     if (uri == nullptr || uri->GetText() == nullptr) return;
     std::string_view text = uri->GetText();
@@ -238,14 +249,14 @@ class SdfSourceReader {
   }
 
   const std::string& name_;
-  bool taken_;
+  SdfTaken taken_;
   bool had_model_ = false;
   SdfSource source_;
 };
 
 }  // namespace
 
-SdfSource ReadSdfSource(const std::string& file, const std::string& name, bool taken) {
+SdfSource ReadSdfSource(const std::string& file, const std::string& name, SdfTaken taken) {
   const std::string text = ReadTextFile(file);
   tinyxml2::XMLDocument document;
   const bool is_xml = document.Parse(text.data(), text.size()) == tinyxml2::XML_SUCCESS;

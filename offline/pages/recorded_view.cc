@@ -41,7 +41,7 @@ std::int64_t CountTicks(FlightRecord& record) {
 
 }  // namespace
 
-Json RecordedView(const std::string& path) {
+RecordedRun RecordedView(const std::string& path) {
   const MappedFile file(path);
   FlightRecord record(file.bytes(), path);
   const std::int64_t ticks = CountTicks(record);
@@ -76,8 +76,11 @@ Json RecordedView(const std::string& path) {
     }
     if (i % step == 0 || i + 1 == ticks) frames.Append(run.Frame());
   }
-  return {{"mode", "record"}, {"name", path},     {"scene", robot.Scene()},
-          {"ticks", ticks},   {"frames", frames}, {"events", events}};
+  RecordedRun recorded;
+  recorded.data = {{"mode", "record"}, {"name", path},     {"scene", robot.Scene()},
+                   {"ticks", ticks},   {"frames", frames}, {"events", events}};
+  if (!record.damages().empty()) recorded.remarks = record.Remarks();
+  return recorded;
 }
 
 }  // namespace tumbler

@@ -74,6 +74,7 @@ struct SpaceRun {
 struct RunData {
   std::string name;       ///< Name of the file.
   bool recorded = false;  ///< Whether this is a run, not a primitive.
+  bool damaged = false;   ///< Whether parts of its record could not be read, which facts name.
   std::vector<std::pair<std::string, std::string>> facts;  ///< For people: name, value with unit.
   ReportData scene;  ///< The robot and its ground, without samples.
   std::string robot_hash;

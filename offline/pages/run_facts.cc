@@ -100,6 +100,7 @@ void AddFacts(RunData& run, const FlightRecord& record, std::string_view motion_
   DescribeTruth(run);
   AddFact(run, "made by", c.program);
   AddFact(run, "on", c.kernel);
+  run.damaged = !record.damages().empty();
   for (const Damage& damage : record.damages()) {
     AddFact(run, "damaged", fmt::format("byte {}: {}", damage.offset, damage.what));
   }

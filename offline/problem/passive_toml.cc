@@ -13,6 +13,7 @@
 #include "common/core/index.h"
 #include "common/files/file_keys.h"
 #include "offline/model/hybrid_dynamics.h"
+#include "offline/problem/joint_units.h"
 #include "offline/problem/require_joint.h"
 
 namespace tumbler {
@@ -47,9 +48,9 @@ void ReadPassiveJoints(TomlTable& root, Problem& problem) {
     if (const double friction_nm = robot.dry_friction_nm[i]; friction_nm > 0) {
       all->Fail(
           dof.name,
-          fmt::format("has a dry friction of {} N m in the robot's file, which is simulated in "
+          fmt::format("has a dry friction of {} {} in the robot's file, which is simulated in "
                       "joints with a motor only; allowed: 0 there, and a damping",
-                      MessageNumber(friction_nm)));
+                      MessageNumber(friction_nm), UnitsOf(dof.kind).force));
     }
     entry.dof = static_cast<int>(i);
     dof.damping_nm_s_per_rad += entry.damping_nm_s_per_rad;

@@ -9,6 +9,7 @@
 #include "common/core/functions.h"
 #include "common/files/file_keys.h"
 #include "offline/problem/bounds_toml.h"
+#include "offline/problem/joint_units.h"
 #include "offline/problem/task_keys.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/buried_shape.h"
@@ -23,7 +24,7 @@ constexpr double kStartPitchOnBar = 0.5;
 
 /// Checks that a joint begins as fast as the motion before leaves it.
 void CheckGivenVelocity(TomlTable& start, const StartPose& given, const ActuatedJoint& joint,
-                        const JointMotion<double>& motion) {
+                        const char* unit, const JointMotion<double>& motion) {
   const bool ends_moving =
       std::ranges::any_of(given.primitive->motions(), [](const JointMotion<double>& other) {
         return std::abs(other.position.control_points(1).back()) > kStartJointTolerance;
@@ -34,11 +35,11 @@ void CheckGivenVelocity(TomlTable& start, const StartPose& given, const Actuated
   if (apart <= kStartJointTolerance) return;
   start.Fail(
       "joints_rad_s",
-      fmt::format("has '{}' at {} rad/s, but {} has it at {} rad/s: {} rad/s apart; allowed: <= "
-                  "{} rad/s",
+      fmt::format("has '{0}' at {1} {6}, but {2} has it at {3} {6}: {4} {6} apart; allowed: <= "
+                  "{5} {6}",
                   motion.name.view(), MessageNumber(joint.start_rad_s), given.from,
                   MessageNumber(velocity), MessageNumber(apart),
-                  MessageNumber(kStartJointTolerance)));
+                  MessageNumber(kStartJointTolerance), unit));
 }
 
 class StartReader {
@@ -233,6 +234,7 @@ void CheckGivenJoints(TomlTable& start, const StartPose& given, const Problem& p
   const std::span<const JointMotion<double>> motions = given.primitive->motions();
   for (const ActuatedJoint& joint : problem.joints) {
     const std::string& name = problem.name_of(joint);
+    const JointUnits units = UnitsOf(problem, joint);
     const auto motion = std::find_if(motions.begin(), motions.end(),
                                      [&](const auto& m) { return m.name.view() == name; });
     if (motion == motions.end())
@@ -240,13 +242,14 @@ void CheckGivenJoints(TomlTable& start, const StartPose& given, const Problem& p
     const double position =
         given.pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
     const double apart = std::abs(position - joint.start_rad);
-    if (!given.own) CheckGivenVelocity(start, given, joint, *motion);
+    if (!given.own) CheckGivenVelocity(start, given, joint, units.velocity, *motion);
     if (apart <= kStartJointTolerance) continue;
-    joints.Fail(name,
-                fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
-                            "{} rad",
-                            MessageNumber(joint.start_rad), given.from, MessageNumber(position),
-                            MessageNumber(apart), MessageNumber(kStartJointTolerance)));
+    joints.Fail(
+        name,
+        fmt::format("is {0} {5}, but {1} has it at {2} {5}: {3} {5} apart; allowed: <= "
+                    "{4} {5}",
+                    MessageNumber(joint.start_rad), given.from, MessageNumber(position),
+                    MessageNumber(apart), MessageNumber(kStartJointTolerance), units.position));
   }
 }
 

@@ -11,8 +11,10 @@
 
 #include "common/files/file_keys.h"
 #include "common/files/printable.h"
+#include "offline/model/robot_notes.h"
 #include "offline/problem/bounds_toml.h"
 #include "offline/problem/end_points.h"
+#include "offline/problem/joint_units.h"
 #include "offline/problem/require_joint.h"
 #include "offline/problem/task_keys.h"
 
@@ -85,11 +87,12 @@ void CheckPointsBesideEnds(TomlTable& table, const std::string& name, const Actu
       for (const double point : points) {
         if (point >= joint.limits.position_min_rad && point <= joint.limits.position_max_rad)
           continue;
-        table.Fail(name,
-                   fmt::format("puts a control point beside the end at {} rad; allowed: {} to {} "
-                               "rad; give less velocity, another position or more control points",
-                               MessageNumber(point), MessageNumber(joint.limits.position_min_rad),
-                               MessageNumber(joint.limits.position_max_rad)));
+        table.Fail(name, fmt::format(
+                             "puts a control point beside the end at {0} {3}; allowed: {1} to "
+                             "{2} {3}; give less velocity, another position or more control points",
+                             MessageNumber(point), MessageNumber(joint.limits.position_min_rad),
+                             MessageNumber(joint.limits.position_max_rad),
+                             UnitsOf(problem, joint).position));
       }
     }
   }
@@ -177,10 +180,10 @@ void ReadJointsOf(TomlTable& root, SceneKind& scene, Problem& problem) {
     }
     joint.limits = allowed;
     if (allowed.position_min_rad > allowed.position_max_rad) {
-      start.Fail(dof.name,
-                 fmt::format("its limits in the robot's file, {} to {}, lie outside "
-                             "of what a primitive can hold; allowed: -100 ... 100 rad",
-                             MessageNumber(urdf.lower_rad), MessageNumber(urdf.upper_rad)));
+      start.Fail(dof.name, fmt::format("its limits in the robot's file, {} to {}, lie outside "
+                                       "of what a primitive can hold; allowed: -100 ... 100 {}",
+                                       MessageNumber(urdf.lower_rad), MessageNumber(urdf.upper_rad),
+                                       UnitsOf(dof.kind).position));
     }
     const Range range{allowed.position_min_rad, allowed.position_max_rad};
     joint.start_rad = start.Number(dof.name, range);
@@ -223,9 +226,10 @@ void ReadEndVelocities(TomlTable& root, Problem& problem) {
       // As far within the limit as the solver keeps all velocities.
       const double limit = joint.limits.velocity_max_rad_s;
       if (std::abs(velocity) > kInside * limit) {
-        table->Fail(name, fmt::format("is {} rad/s; allowed: less than the joint's limit of {} "
-                                      "rad/s, by a millionth of it or more",
-                                      MessageNumber(velocity), MessageNumber(limit)));
+        table->Fail(name, fmt::format("is {0} {2}; allowed: less than the joint's limit of {1} "
+                                      "{2}, by a millionth of it or more",
+                                      MessageNumber(velocity), MessageNumber(limit),
+                                      UnitsOf(problem, joint).velocity));
       }
       (at_end ? joint.end_rad_s : joint.start_rad_s) = velocity;
       CheckPointsBesideEnds(*table, name, joint, problem);
@@ -280,8 +284,8 @@ void CheckObstacles(TomlTable& root, std::size_t obstacles, std::size_t shapes,
                     const std::vector<IgnoredShape>& ignored) {
   if (shapes == 0 && obstacles > 0) {
     std::string why;
-    for (const IgnoredShape& shape : ignored)
-      why += fmt::format("; {} (line {})", shape.reason, shape.line);
+    for (const RobotFinding& note : NotesOf(ignored))
+      why += fmt::format("; {} (line {})", note.problem, note.line);
     const bool meshes = std::ranges::any_of(ignored, &IgnoredShape::mesh);
     root.Fail(
         "obstacle",

@@ -20,6 +20,7 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/end_points.h"
 #include "offline/problem/free_start.h"
+#include "offline/problem/joint_units.h"
 #include "offline/problem/locked_toml.h"
 #include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
@@ -150,9 +151,10 @@ class TaskReader {
       if (friction_nm <= kLargestDryFriction) continue;
       root_.Fail(
           "robot",
-          fmt::format("has joint '{0}' with a dry friction of {1} N m, which is more than is "
+          fmt::format("has joint '{0}' with a dry friction of {1} {3}, which is more than is "
                       "simulated; allowed: up to {2}, or motor.{0}.dry_friction_nm",
-                      robot.tree.dofs[dof].name, MessageNumber(friction_nm), kLargestDryFriction));
+                      robot.tree.dofs[dof].name, MessageNumber(friction_nm), kLargestDryFriction,
+                      UnitsOf(robot.tree.dofs[dof].kind).force));
     }
   }
 

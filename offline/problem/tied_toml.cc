@@ -8,6 +8,7 @@
 #include <string>
 
 #include "common/files/file_keys.h"
+#include "offline/problem/joint_units.h"
 #include "offline/problem/require_joint.h"
 
 namespace tumbler {
@@ -100,10 +101,11 @@ void MakeFollow(const TomlTable& table, const TiedJoint& tied, Problem& problem)
                                  : opposite ? ", or the name no '-'"
                                             : ", or the name a '-'"));
   };
-  follow(joint.start_rad, to.start_rad, "its start", "rad");
-  follow(joint.end_rad, to.end_rad, "its end", "rad");
-  follow(joint.start_rad_s, to.start_rad_s, "its velocity at the start", "rad/s");
-  follow(joint.end_rad_s, to.end_rad_s, "its velocity at the end", "rad/s");
+  const JointUnits units = UnitsOf(problem, joint);
+  follow(joint.start_rad, to.start_rad, "its start", units.position);
+  follow(joint.end_rad, to.end_rad, "its end", units.position);
+  follow(joint.start_rad_s, to.start_rad_s, "its velocity at the start", units.velocity);
+  follow(joint.end_rad_s, to.end_rad_s, "its velocity at the end", units.velocity);
 }
 
 }  // namespace

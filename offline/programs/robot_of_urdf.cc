@@ -21,7 +21,11 @@ constexpr double kBend_rad = 0.2, kBend_m = 0.02, kPartOfRange = 0.25;
 /// How far from its limits a joint starts, at most [rad, m], and the part of its range.
 constexpr double kFromLimit = 0.02, kFromLimitPart = 0.1;
 
-double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
+/// Of pitches in tasks [rad]: far finer than their tolerances, and a robot that stands flat has 0.
+constexpr double kPitchUnit = 1e-3;
+
+/// Never a negative zero.
+double Rounded(double value, double unit) { return std::round(value / unit) * unit + 0.0; }
 
 /// A joint that the tasks move.
 struct MovedJoint {
@@ -73,6 +77,13 @@ class Writer {
 
   /// Which of the robot's own shapes its tasks keep apart (`self_contact.shapes`).
   void KeepApart(std::string_view shapes) { kept_apart_ = shapes; }
+
+  /// How the root is pitched where the robot rests, straight and bent [rad]; 0 until this is
+  /// called.
+  void Rest(double straight_rad, double bent_rad) {
+    straight_rad_ = straight_rad;
+    bent_rad_ = bent_rad;
+  }
 
   [[nodiscard]] bool touches() const { return touches_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
@@ -126,11 +137,13 @@ weight = 1.0e-2
 )",
         Duration(), planar() ? "" : "obstacle = []             # nothing to touch\n",
         planar()
-            ? "                   # at rest on the ground in this shape; with --start-from, where "
-              "that motion ends\npitch_rad = 0.0"
+            ? fmt::format(
+                  "                   # at rest on the ground in this shape; with --start-from, "
+                  "where that motion ends\npitch_rad = {}",
+                  ExactDecimal(bend ? straight_rad_ : bent_rad_))
             : "",
         Pose(bend), Pose(!bend), Motors());
-    if (planar()) text += Ground();
+    if (planar()) text += Ground((bend ? 1 : -1) * (bent_rad_ - straight_rad_));
     if (!kept_apart_.empty()) {
       text += fmt::format(
           "\n[self_contact]\nshapes = \"{}\"       # of all, some are in each other where the "
@@ -348,15 +361,15 @@ Drives are imagined; names and limits are those of the URDF.
     return text;
   }
 
-  /// Ground into which the robot sinks a few millimetres.
-  [[nodiscard]] std::string Ground() const {
+  /// Ground into which the robot sinks a few millimetres, and by how much it is to tip on it.
+  [[nodiscard]] std::string Ground(double tips_rad) const {
     const double stiffness = std::max(1000.0, Rounded(mass_kg_ * 9.81 / 0.006, 1000));
     return fmt::format(R"(
-[[cost]]                  # the root link as it stood
+[[cost]]                  # the root link {}
 term = "terminal"
 of = "pitch"
 when = "settled"
-target = 0.0
+target = {}
 from_start = true
 weight = 10.0
 
@@ -374,7 +387,9 @@ kind = "half-space"
 point_m = [0.0, 0.0]
 normal = [0.0, 1.0]
 )",
-                       std::min(stiffness, 1e6), std::min(0.004 * stiffness, 1e4));
+                       tips_rad == 0 ? "as it stood" : "as it rests in the end's shape",
+                       ExactDecimal(Rounded(tips_rad, kPitchUnit)), std::min(stiffness, 1e6),
+                       std::min(0.004 * stiffness, 1e4));
   }
 
   std::string name_;
@@ -382,15 +397,28 @@ normal = [0.0, 1.0]
   LockedJoints locked_;
   std::vector<MovedJoint> joints_;
   std::vector<std::string> notes_;
-  double mass_kg_ = 0;
+  double mass_kg_ = 0, straight_rad_ = 0, bent_rad_ = 0;
   bool touches_ = false;
   std::string_view kept_apart_;
 };
 
-/// Throws as the tasks' reader does.
-void CheckTasks(const Writer& writer, const std::string& urdf, const std::string& urdf_file) {
-  static_cast<void>(ParseTask(writer.Task(true), "tasks/bend.toml", urdf, urdf_file));
-  static_cast<void>(ParseTask(writer.Task(false), "tasks/unbend.toml", urdf, urdf_file));
+/// Throws as the tasks' reader does. Where the robot rests tilted, its tasks say so: a motion that
+/// begins where another one ends has to begin with that pitch.
+void CheckTasks(Writer& writer, const std::string& urdf, const std::string& urdf_file) {
+  const auto rest_rad = [&](bool bend) {
+    const Problem problem =
+        ParseTask(writer.Task(bend), bend ? "tasks/bend.toml" : "tasks/unbend.toml", urdf,
+                  urdf_file)
+            .problem;
+    return problem.scene.robot.root_dofs == 0 ? 0.0 : Rounded(problem.start_q[2], kPitchUnit);
+  };
+  const double straight_rad = rest_rad(true);
+  writer.Rest(straight_rad, straight_rad);  // It bends from there, not from upright.
+  const double bent_rad = rest_rad(false);
+  if (straight_rad == 0 && bent_rad == 0) return;
+  writer.Rest(straight_rad, bent_rad);
+  static_cast<void>(rest_rad(true));
+  static_cast<void>(rest_rad(false));
 }
 
 /// The same. Leaves out own shapes that cannot be kept apart.

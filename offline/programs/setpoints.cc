@@ -70,8 +70,7 @@ class Rows {
 std::string SetpointsCsv(const SequenceFile& file, const DriveGains& gains,
                          const SetpointOptions& options) {
   const auto& graph = file.graph;
-  const std::vector<PlannedPassage> planned =
-      PlannedPassages(graph, options.cycles, options.branch);
+  const std::vector<PlannedPassage> planned = PlannedPassages(file, options.cycles, options.branch);
   Rows rows(file, gains, options.rate_hz);
   rows.Hold(graph.start, 0, options.lead_s, false);
   for (const PlannedPassage& passage : planned) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/files/command_line.h"
+#include "common/files/held_results.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "offline/problem/posterior_toml.h"
@@ -61,6 +62,7 @@ ExitStatus Excite(const IdentifyArguments& arguments) {
     throw FileError(arguments.out, 0, "", "a primitive is written to a file; './-' is one");
   CheckWritable(arguments.out);
   CheckDistinct({arguments.task}, {arguments.out});
+  const HeldResults held({arguments.out});
   const Excitation found = MakeExcitation(arguments.task, settings);
   if (*settings.interrupt) {
     fmt::print(stderr, "interrupted: no file was written\n");

@@ -28,6 +28,7 @@
 #include "offline/model/mjcf.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
+#include "offline/model/robot_notes.h"
 #include "offline/model/robot_review.h"
 #include "offline/model/sdf.h"
 #include "offline/model/urdf_source.h"
@@ -38,7 +39,8 @@ namespace {
 constexpr const char* kExitCodes =
     R"(Exit codes:
   0  usable
-  1  wrong usage, or a file or state that cannot be used)";
+  1  wrong usage, or a file or state that cannot be used
+  4  check: no task takes the robot, even with the joints locked that it names)";
 
 using Dynamics = HybridDynamics<Spatial>;
 
@@ -122,11 +124,7 @@ Robot LoadRobot(const Arguments& arguments) {
   Robot robot = ParseRobot(text, arguments.robot, RootOf(arguments), locked);
   CheckLocked(robot, locked);
   const UrdfSource source(text, arguments.robot);
-  for (const RoundedAngle& angle : source.rounded_angles()) {
-    fmt::print(stderr, "{}:{}: {}: note: {}\n", arguments.robot, angle.line, angle.key,
-               Describe(angle));
-  }
-  for (const RobotFinding& note : source.notes())
+  for (const RobotFinding& note : NotesOf(source))
     fmt::print(stderr, "{}:{}: {}: note: {}\n", robot.file, note.line, note.key, note.problem);
   return robot;
 }
@@ -344,15 +342,10 @@ ExitStatus Check(const Arguments& arguments) {
   for (const MeshInContact& mesh : meshes) {
     PrintFinding(robot, {mesh.line, fmt::format("link '{}'", mesh.link), Describe(mesh)}, "note");
   }
-  for (const IgnoredShape& shape : review.ignored_shapes) {
-    PrintFinding(
-        robot,
-        {shape.line, fmt::format("link '{}'", shape.link), shape.reason + ": contact ignores it"},
-        "note");
-  }
+  for (const RobotFinding& note : NotesOf(review.ignored_shapes)) PrintFinding(robot, note, "note");
   PrintUse(review);
   FlushOutput();
-  return ExitStatus::kDone;
+  return review.CanBePlanned() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 // ---- hybrid -------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "common/files/command_line.h"
+#include "common/files/held_results.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "common/files/sequence_toml.h"
@@ -160,6 +161,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
     files.push_back(PagePath(arguments.report));
   }
   CheckDistinct(inputs, files);
+  const HeldResults held(files);
   PrintNotes(task);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
@@ -242,8 +244,9 @@ std::vector<Task> LoadSeveral(const Arguments& arguments) {
   return tasks;
 }
 
-/// Checks before the first task is worked on whether all results can be written.
-void CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
+/// Checks before the first task is worked on whether all results can be written. @returns a hold
+/// on them.
+HeldResults CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
   std::vector<std::string> inputs, outputs;
   for (const std::string& folder : {arguments.out, arguments.report}) {
     if (!folder.empty()) CheckFolderWritable(folder);
@@ -261,6 +264,7 @@ void CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
     outputs.push_back(arguments.json);
   }
   CheckDistinct(inputs, outputs);
+  return HeldResults(outputs);
 }
 
 /// Writes the primitive and the report of a motion, and prints their names.
@@ -291,7 +295,7 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
   if (!arguments.complement.empty())
     throw std::invalid_argument("--complement: is for one task; give the tasks one at a time");
   std::vector<Task> tasks = LoadSeveral(arguments);
-  CheckResults(tasks, arguments);
+  const HeldResults held = CheckResults(tasks, arguments);
   for (const Task& task : tasks) PrintNotes(task);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 

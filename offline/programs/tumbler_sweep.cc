@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/files/command_line.h"
+#include "common/files/held_results.h"
 #include "common/files/program.h"
 #include "common/files/progress_line.h"
 #include "common/files/result_file.h"
@@ -80,14 +81,15 @@ SweepStudy StudyOf(const Arguments& arguments) {
   }
 }
 
-/// Checks the files before the work.
-void Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan& plan) {
+/// Checks the files before the work. @returns a hold on them.
+HeldResults Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan& plan) {
   if (!study.guess) CheckGuess(study.grid.TaskAt(0));
   CheckFolderWritable(plan.folder);
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
   std::vector<std::string> files = FilesOf(study, plan);
   files.push_back(arguments.json);
   CheckDistinct({arguments.task, study.grid.base().robot_file, arguments.guess}, files);
+  return HeldResults({plan.folder, arguments.json});
 }
 
 ExitStatus Sweep(const Arguments& arguments, const Processes& processes) {
@@ -97,7 +99,8 @@ ExitStatus Sweep(const Arguments& arguments, const Processes& processes) {
   plan.threads = arguments.threads > 0
                      ? arguments.threads
                      : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  if (processes.rank() == 0) Check(arguments, study, plan);
+  HeldResults held;
+  if (processes.rank() == 0) held = Check(arguments, study, plan);
   if (processes.count() == 1) {
     // Of several processes none may end before the others; mpirun ends them all.
     plan.interrupt = &EndOnSignals();

@@ -36,7 +36,8 @@ joint on one axis of time, the robots of plan and truth, faults and transitions,
 
 Exit codes:
   0  done: the page is written, or it was ended by Ctrl-C
-  1  wrong usage, or a file, URL or port that cannot be used; nothing was written)";
+  1  wrong usage, or a file, URL or port that cannot be used; nothing was written
+  4  done, but parts of a record are damaged: the page shows the rest)";
 
 struct Arguments {
   ReportArguments report;  ///< Its files are those of the command line.
@@ -79,9 +80,12 @@ ExitStatus ShowRecord(const Arguments& arguments, const sigset_t& signals) {
   config.bind = arguments.bind;
   config.port = arguments.port;
   config.token = RandomToken();
-  config.page = FillPage(ViewPage(), record, RecordedView(record));
+  const RecordedRun run = RecordedView(record);
+  config.page = FillPage(ViewPage(), record, run.data);
+  for (const std::string& remark : run.remarks)
+    fmt::print(stderr, "{}\n", Printable(fmt::format("{}: {}", record, remark)));
   Serve(config, record, signals);
-  return ExitStatus::kDone;
+  return run.remarks.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 ExitStatus ShowLive(const Arguments& arguments, const sigset_t& signals) {

@@ -2,16 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "common/files/file_kind.h"
 #include "common/files/printable.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "common/files/sequence_toml.h"
+#include "common/files/toml_reader.h"
 #include "offline/pages/page_file.h"
 #include "offline/pages/space_motion.h"
 #include "offline/pages/space_run.h"
@@ -28,6 +32,18 @@ constexpr std::size_t kRunsMax = 6;
 bool IsRecord(const std::string& path) {
   const MappedFile file(path);
   return StartOf(file.bytes()) != RecordStart::kNotARecord && !file.bytes().empty();
+}
+
+/// Refuses logs and the like by what they are, rather than as primitives that they are not.
+void RejectOtherRunFile(const std::string& path) {
+  const MappedFile file(path);
+  const std::string_view kind =
+      KindOfRunFile({reinterpret_cast<const char*>(file.bytes().data()), file.bytes().size()});
+  if (kind.empty()) return;
+  throw FileError(path, 0, "",
+                  fmt::format("is {}; allowed: flight records (`tumbler run --record`), and "
+                              "primitives",
+                              kind));
 }
 
 /// The motion of a primitive of a robot in space; none of others.
@@ -68,6 +84,7 @@ ExitStatus WriteReportOfRuns(const ReportArguments& arguments) {
   inputs.insert(inputs.end(), arguments.truths.begin(), arguments.truths.end());
   CheckDistinct(inputs, {PagePath(arguments.out)});
   if (arguments.files.size() == 1 && !IsRecord(arguments.files.front())) {
+    RejectOtherRunFile(arguments.files.front());
     if (const auto file = MotionInSpace(arguments.files.front()))
       return WriteMotionInSpace(*file, arguments.out);
   }
@@ -79,6 +96,7 @@ ExitStatus WriteReportOfRuns(const ReportArguments& arguments) {
       runs.push_back(ReadRun(path, has_log ? arguments.truths[truths] : std::string()));
       ++truths;
     } else {
+      RejectOtherRunFile(path);
       runs.push_back(ReadPlan(path));
     }
   }
@@ -109,7 +127,7 @@ ExitStatus WriteReportOfRuns(const ReportArguments& arguments) {
     }
   }
   fmt::print("wrote {}\n", page);
-  return ExitStatus::kDone;
+  return std::ranges::any_of(runs, &RunData::damaged) ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
 void CheckReport(const ReportArguments& arguments) {

@@ -54,7 +54,7 @@ class Played {
           TargetsOf(study.motion, file.primitive_names[i], primitive.purpose, motion_.ProblemOf(i));
     }
     int cycle = 1;
-    for (const PlannedPassage& passage : PlannedPassages(file.graph, study.cycles, study.branch)) {
+    for (const PlannedPassage& passage : PlannedPassages(file, study.cycles, study.branch)) {
       const Source& source = sources_[Index(file.graph.node(passage.node).primitive)];
       played_.push_back({&motion_.ProblemAt(passage.node), &source.x, source.feed_forward,
                          source.targets,

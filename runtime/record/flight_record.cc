@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "common/files/file_kind.h"
 #include "runtime/record/sentences.h"
 
 namespace tumbler {
@@ -61,6 +62,17 @@ MappedFile::~MappedFile() {
   if (!bytes_.empty()) munmap(const_cast<std::uint8_t*>(bytes_.data()), bytes_.size());
 }
 
+namespace {
+
+std::string NotARecord(std::span<const std::uint8_t> bytes) {
+  const std::string_view kind =
+      KindOfRunFile({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  return kind.empty() ? "is not a flight record"
+                      : fmt::format("is not a flight record, but {}", kind);
+}
+
+}  // namespace
+
 FlightRecord::FlightRecord(std::span<const std::uint8_t> bytes, std::string name)
     : bytes_(bytes), name_(std::move(name)), reader_(bytes), after_configuration_(bytes) {
   const auto fail = [this](const std::string& problem) {
@@ -75,7 +87,7 @@ FlightRecord::FlightRecord(std::span<const std::uint8_t> bytes, std::string name
                       kRecordVersionMin, kRecordVersion));
       break;
     case RecordStart::kNotARecord:
-      fail("is not a flight record");
+      fail(NotARecord(bytes));
       break;
     case RecordStart::kTooShort:
       fail("is cut off within its first 16 bytes");

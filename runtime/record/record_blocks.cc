@@ -7,10 +7,11 @@
 #include <array>
 #include <cstring>
 
+#include "common/files/file_kind.h"
+
 namespace tumbler {
 namespace {
 
-constexpr std::array<std::uint8_t, 8> kFileMagic = {'T', 'U', 'M', 'B', 'L', 'R', 'E', 'C'};
 constexpr std::uint32_t kBlockMagic = 0x4b'4c'42'54;  // "TBLK" in the file
 constexpr std::array<std::uint8_t, 4> kBlockMagicBytes = {'T', 'B', 'L', 'K'};
 
@@ -73,7 +74,7 @@ std::uint32_t Crc32(std::span<const std::uint8_t> bytes, std::uint32_t before) {
 
 void AppendRecordHeader(RecordBytes& bytes) {
   const std::size_t begin = bytes.size();
-  PutBytes(kFileMagic, bytes);
+  PutBytes(kFlightRecordBegin, bytes);
   Put(kRecordVersion, 4, bytes);
   Put(Crc32(std::span(bytes).subspan(begin, 12)), 4, bytes);
 }
@@ -141,9 +142,9 @@ std::uint32_t VersionOf(std::span<const std::uint8_t> bytes) {
 }
 
 RecordStart StartOf(std::span<const std::uint8_t> bytes) {
-  const std::size_t known = std::min(bytes.size(), kFileMagic.size());
-  if (!std::equal(kFileMagic.begin(), kFileMagic.begin() + static_cast<std::ptrdiff_t>(known),
-                  bytes.begin())) {
+  const std::size_t known = std::min(bytes.size(), kFlightRecordBegin.size());
+  if (!std::equal(kFlightRecordBegin.begin(),
+                  kFlightRecordBegin.begin() + static_cast<std::ptrdiff_t>(known), bytes.begin())) {
     return RecordStart::kNotARecord;
   }
   if (bytes.size() < kRecordHeaderBytes) return RecordStart::kTooShort;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "common/files/command_line.h"
+#include "common/files/file_kind.h"
 #include "common/files/printable.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
@@ -86,10 +86,10 @@ ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
 /// Whether a file is an LCM log: events begin with four bytes that nothing else has. A log may be
 /// damaged where it begins.
 bool IsLog(std::span<const std::uint8_t> bytes) {
-  constexpr std::array<std::uint8_t, 4> kEvent = {0xED, 0xA1, 0xDA, 0x01};
   constexpr std::size_t kBegin = 1U << 16U;
   const auto begin = bytes.first(std::min(bytes.size(), kBegin));
-  return std::search(begin.begin(), begin.end(), kEvent.begin(), kEvent.end()) != begin.end();
+  return std::search(begin.begin(), begin.end(), kLcmEventBegin.begin(), kLcmEventBegin.end()) !=
+         begin.end();
 }
 
 /// What the file is, by its content. @throws RecordError when it is neither.

@@ -2,14 +2,18 @@
 
 #include <gtest/gtest.h>
 #include <sys/inotify.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
+#include <csignal>
 #include <filesystem>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "common/files/held_results.h"
+#include "common/files/toml_reader.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -91,6 +95,58 @@ TEST(ResultFile, OneThatIsBeingWrittenIsNotGivenToAnotherWriterAndKeepsWhatIsInI
   const WriterLock next(path);
   EXPECT_EQ(testing::ReadFile(path), "a tick");
   const WriterLock device("/dev/null"), again("/dev/null");
+}
+
+TEST(ResultFile, OneThatIsHeldIsNotGivenToAnotherProgramUnderAnyOfItsNames) {
+  const testing::TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "real");
+  std::filesystem::create_directory_symlink("real", folder / "link");
+  const auto refusal = [](const std::string& path) -> std::string {
+    try {
+      const HeldResults second({path});
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "given";
+  };
+  const std::string path = folder / "real/motion.toml";
+  const std::set<std::string> before = folder.Listing();
+  {
+    const HeldResults first({path, folder / "new/page.html", "", "-", "/dev/null"});
+    EXPECT_NE(refusal(path).find("motion.toml: is being written by another program"),
+              std::string::npos);
+    EXPECT_NE(refusal(folder / "link/../real/./motion.toml"), "given");
+    EXPECT_NE(refusal(folder / "link/motion.toml"), "given");
+    EXPECT_NE(refusal(folder / "new/page.html"), "given");
+    EXPECT_EQ(refusal(folder / "real/other.toml"), "given");
+    EXPECT_EQ(refusal("/dev/null"), "given");
+    EXPECT_EQ(folder.Listing(), before) << "no file says so";
+    // What was held before one that is not given is free again.
+    EXPECT_THROW(HeldResults({folder / "free.toml", path}), FileError);
+    EXPECT_EQ(refusal(folder / "free.toml"), "given");
+  }
+  EXPECT_EQ(refusal(path), "given");
+}
+
+TEST(ResultFile, AKilledProgramHoldsNothing) {
+  const testing::TemporaryFolder folder;
+  const std::string path = folder / "motion.toml";
+  std::array<int, 2> ready{};
+  ASSERT_EQ(pipe(ready.data()), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    const HeldResults held({path});
+    static_cast<void>(!write(ready[1], "x", 1));
+    for (;;) pause();
+  }
+  char byte = 0;
+  ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  EXPECT_THROW(HeldResults({path}), FileError);
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  EXPECT_NO_THROW(HeldResults({path}));
+  close(ready[0]);
+  close(ready[1]);
 }
 
 }  // namespace

@@ -222,13 +222,27 @@ TEST(SimulateChain, CountsCyclesAndTakesTheBranchWhenTheyAreDone) {
   EXPECT_EQ(nodes(Cycles(2, "go")), "there back there back away ");
   EXPECT_EQ(nodes(Cycles(0, "go")), "there back away ");
   EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(2, "gone")), std::invalid_argument);
-  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(0)), std::invalid_argument)
-      << "it would never end";
+  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(0)), FileError) << "it would never end";
 }
 
 TEST(SimulateChain, WithoutAnEndOfACycleALoopIsRefused) {
-  const SequenceFile file = Load(Replaced(Sway(), "ends_cycle = true\n", ""));
-  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(1)), std::invalid_argument);
+  const std::string text = Replaced(Sway(), "ends_cycle = true\n", "");
+  const SequenceFile file = Load(text);
+  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(1)), FileError);
+}
+
+TEST(SimulateChain, ALoopIsRefusedByTheFileAndLineOfANodeOnIt) {
+  const SequenceFolder folder(Replaced(Sway(), "ends_cycle = true\n", ""), ThereAndBack());
+  const std::string file = folder.file().string();
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"tumbler", "chain", "simulate", file},
+           {"tumbler", "export", file, "--setpoints-csv", "-", "--cycles", "1"}}) {
+    const testing::Outcome outcome = testing::RunProgram(command);
+    EXPECT_EQ(outcome.exit_code, 1);
+    EXPECT_THAT(outcome.text, ::testing::ContainsRegex("tumbler [a-z]+: " + file +
+                                                       ":[1-9][0-9]*: node\\[[01]\\]: '(there|"
+                                                       "back)' is played again and again"));
+  }
 }
 
 /// The failure that ended a chain of these changed primitives.
@@ -306,13 +320,16 @@ TEST(SimulateChain, PrimitivesOfDifferentGroundsAreRefused) {
   }
 }
 
-TEST(SimulateChain, NorDoesASimulatedRobotOrAnExportTakeThem) {
+TEST(SimulateChain, NorDoesACheckASimulatedRobotOrAnExportOrAStudyTakeThem) {
   auto files = ThereAndBack();
   Soften(files[1]);
   const SequenceFolder folder(Sway(), files);
   const std::string model = (folder.path() / "model.xml").string();
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
            {"tumbler", "run", "sim", folder.file().string(), "--cycles", "1"},
+           {"tumbler", "chain", "check", folder.file().string()},
+           {"tumbler", "robustness", folder.file().string(), "--robots", "1", "--cycles", "1"},
+           {"tumbler", "export", folder.file().string(), "--setpoints-csv", "-"},
            {"tumbler", "export", folder.file().string(), "--mjcf", model}}) {
     const testing::Outcome outcome = testing::RunProgram(command);
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;

@@ -256,11 +256,34 @@ const std::string kInPlane =
 const std::string kAcross =
     "<axis xyz='1 0 0'/><limit lower='0.2' upper='1' effort='3' velocity='4'/>";
 
+TEST(ModelCheck, SaysOnceWhatIsTrueOfManyShapesAndJoints) {
+  std::string text =
+      Row(std::vector<std::string>(9,
+                                   "<origin rpy='0 0 1.5708'/><axis xyz='1 0 0'/>"
+                                   "<limit lower='-1' upper='1' effort='3' velocity='4'/>"));
+  text = testing::ReplacedAll(text, "<sphere radius='0.1'/>", "<mesh filename='a.stl'/>");
+  const ModelOutcome run = ModelRunner(text)("check", "--root floating");
+  const auto count = [](const std::string& in, const std::string& what) {
+    std::size_t times = 0;
+    for (std::size_t at = in.find(what); at != std::string::npos; at = in.find(what, at + 1))
+      ++times;
+    return times;
+  };
+  EXPECT_THAT(
+      run.out,
+      HasSubstr("link 'l0': note: collision shape l0/0 is a mesh: contact ignores it (as of 9 "
+                "more: l1/0, l2/0, l3/0, ...)\n"));
+  EXPECT_EQ(count(run.out, "is a mesh"), 1U);
+  EXPECT_THAT(run.err, HasSubstr("joint 'j0': note: origin rpy 1.5708 is taken as pi/2 (as of 8 "
+                                 "more: joint 'j1', joint 'j2', joint 'j3', ...)\n"));
+  EXPECT_EQ(count(run.err, "is taken as"), 1U);
+}
+
 TEST(ModelCheck, ListsEverythingAtOnceAndTheJointsThatATaskHasToLock) {
   const ModelOutcome run = ModelRunner(
       Row({kInPlane, "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='0' velocity='0'/>",
            "<axis xyz='0 1 0'/>", kAcross}))("check", "");
-  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(run.status, 4) << run.err;
   EXPECT_THAT(run.out, HasSubstr("can be looked at: yes\ncan be planned: not yet; in the way:\n"));
   EXPECT_THAT(run.out,
               HasSubstr("    robot.urdf:8: joint 'j1': limit velocity = 0; allowed: > 0\n"));
@@ -288,10 +311,19 @@ TEST(ModelCheck, SaysWithWhichJointsLockedATaskTakesTheRobotAndTakesThemItself) 
   EXPECT_THAT(run("check", "--locked j1").err, HasSubstr("allowed, separated by commas"));
 }
 
+TEST(ModelCheck, ItsStatusSaysWhetherATaskTakesTheRobot) {
+  const ModelRunner mended(Row({kInPlane, kAcross}));
+  EXPECT_EQ(mended("check", "").status, 0) << "with the joints locked that it names";
+  EXPECT_EQ(mended("check", "--root floating").status, 0);
+  const ModelOutcome none = ModelRunner(Row({kAcross}))("check", "");
+  EXPECT_EQ(none.status, 4);
+  EXPECT_THAT(none.out, HasSubstr("it needs a joint that moves in the x-z plane\n"));
+}
+
 TEST(ModelCheck, LooksAtARobotOfAnySizeAndSaysHowManyJointsATaskHasToLock) {
   const std::string text = Row(std::vector<std::string>(40, kInPlane));
   const ModelOutcome run = ModelRunner(text)("check", "");
-  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(run.status, 4) << run.err;
   EXPECT_THAT(run.out, HasSubstr("degrees of freedom: 43\n"));
   EXPECT_THAT(run.out,
               HasSubstr("it needs 28 more of these 40 joints locked: a task moves up to 12"));
@@ -313,7 +345,7 @@ TEST(ModelCheck, NamesEveryMistakeOfAFileThatHoldsNoRobot) {
 TEST(ModelCheck, WarnsOfInertiaThatNoBodyHasWithLinkAndLine) {
   const std::string text = Replaced(ShippedRobot(), "iyy=\"7.5e-3", "iyy=\"9.5e-3");
   const ModelOutcome run = ModelRunner(text)("check", "--root floating");
-  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(run.status, 4) << run.err;
   EXPECT_THAT(run.out, HasSubstr(fmt::format("robot.urdf:{}: link 'middle': warning: inertia is "
                                              "that of no body",
                                              LineOf(text, "iyy=\"9.5e-3"))));

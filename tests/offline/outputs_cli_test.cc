@@ -4,12 +4,14 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <filesystem>
 #include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "common/files/held_results.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 
@@ -105,6 +107,59 @@ TEST_F(Outputs, NeverReplaceAnotherOutput) {
         << command_line;
     ASSERT_EQ(Content(), before) << command_line;
   }
+}
+
+TEST_F(Outputs, AreNotBegunWhereAnotherProgramMakesThem) {
+  const std::string task = SourcePath("primitives/tasks/nominal/handstand.toml");
+  const auto before = Content();
+  {
+    const HeldResults other({folder_ / "q.toml"});
+    const Outcome outcome = In("tumbler optimize " + task + " --out ./q.toml");
+    EXPECT_EQ(outcome.exit_code, 1);
+    EXPECT_EQ(outcome.text,
+              "tumbler optimize: ./q.toml: is being written by another program; wait for its end, "
+              "or give this one a file of its own\n");
+  }
+  EXPECT_EQ(Content(), before);
+}
+
+TEST_F(Outputs, OfOneKindAreCalledByItWhereAnotherIsRead) {
+  for (const auto& [command_line, says] : std::vector<std::pair<std::string, std::string>>{
+           {"tumbler view x.lcm --out page",
+            "tumbler view: x.lcm: is an LCM log, which tumbler record takes; allowed: flight "
+            "records (`tumbler run --record`), and primitives\n"},
+           {"tumbler view x.rec x.log --out page",
+            "tumbler view: x.log: is a candump log, which tumbler replay takes; allowed: flight "
+            "records (`tumbler run --record`), and primitives\n"},
+           {"tumbler view x.lcm",
+            "tumbler view: x.lcm: is not a flight record, but an LCM log, which tumbler record "
+            "takes\n"},
+           {"tumbler run sim x.rec",
+            "tumbler run: x.rec: is a flight record, which tumbler record, replay and view take; "
+            "here a TOML file is read\n"}}) {
+    const Outcome outcome = In(command_line);
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_EQ(outcome.text, says);
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "page"));
+}
+
+TEST_F(Outputs, OfADamagedRecordShowTheRestAndEndWithStatus4) {
+  std::string record = ReadFile(folder_ / "x.rec");
+  record[record.size() / 2] = static_cast<char>(~record[record.size() / 2]);
+  WriteFile(folder_ / "damaged.rec", record);
+  const Outcome page = In("tumbler view damaged.rec --out damaged.html");
+  EXPECT_EQ(page.exit_code, 4) << page.text;
+  EXPECT_THAT(page.text, HasSubstr("  damaged: byte "));
+  EXPECT_THAT(page.text, HasSubstr("wrote damaged.html\n"));
+  EXPECT_EQ(In("tumbler view x.rec --out whole.html").exit_code, 0);
+  EXPECT_EQ(In("tumbler record damaged.rec").exit_code, 4) << "the same as others say";
+  testing::Program shown(
+      {testing::ProgramPath("tumbler view"), folder_ / "damaged.rec", "--port", "0"});
+  EXPECT_TRUE(shown.WaitFor("Ctrl-C ends it.")) << shown.text();
+  shown.Signal(SIGINT);
+  EXPECT_EQ(shown.Wait(), 4) << shown.text();
+  EXPECT_THAT(shown.text(), HasSubstr("damaged.rec: damaged at byte "));
 }
 
 TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {

@@ -4,6 +4,7 @@
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <sstream>
 #include <string>
@@ -121,6 +122,32 @@ TEST(TumblerNew, MakesTheFilesOfARobotThatHasAUrdfAndTheyMoveIt) {
                  "tumbler optimize tasks/other.toml --start-from motions/bend.toml --out o.toml")
                   .text,
               HasSubstr("or locked joints, than the task tasks/other.toml"));
+}
+
+TEST(TumblerNew, TheCommandsThatItPrintsMoveARobotThatRestsTilted) {
+  const testing::TemporaryFolder folder;
+  // Its front feet reach 0.11 m lower than its hind ones, 0.3 m behind them.
+  std::string urdf = ReadFile(SourcePath("tests/data/robots/sweeper.urdf"));
+  for (const char* side : {"0.1", "-0.1"}) {
+    const std::string foot = std::string("xyz=\"0.15 ") + side;
+    urdf = testing::Replaced(urdf, foot + " 0.02\"", foot + " -0.09\"");
+  }
+  testing::WriteFile(folder / "tilted.urdf", urdf);
+  const Outcome made = In(folder / "", "tumbler new tilted --urdf tilted.urdf");
+  ASSERT_EQ(made.exit_code, 0) << made.text;
+  std::string commands = "set -e\n";
+  std::istringstream lines(made.text);
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with("    ")) commands += line + '\n';
+  const Outcome moved = In(folder / "", commands);
+  EXPECT_EQ(moved.exit_code, 0) << moved.text;
+  EXPECT_THAT(moved.text, HasSubstr("4 motions, 2 complete cycles; the robot where it should be"));
+  for (const char* task : {"bend", "unbend"}) {
+    const std::string text = ReadFile(folder / "tilted/tasks/" + task + ".toml");
+    const std::size_t pitch = text.find("\npitch_rad = ");
+    ASSERT_NE(pitch, std::string::npos);
+    EXPECT_NEAR(std::stod(text.substr(pitch + 13)), std::atan2(0.11, 0.3), 0.03) << task;
+  }
 }
 
 TEST(TumblerNew, FixesARobotThatDoesNotRestOnTheGroundAndRefusesOneThatNoTaskTakes) {

@@ -305,6 +305,39 @@ TEST(Passive, ARobotRestsOnItsSpringAsFarInAsItsWeightPressesIt) {
   for (const int dof : robot.free) EXPECT_NEAR(robot.qdd[static_cast<std::size_t>(dof)], 0, 1e-4);
 }
 
+TEST(Passive, MessagesMeasureASlidingJointInMetresAndNewtons) {
+  const auto refusal = [](const std::string& task, const std::string& robot = kHopper) {
+    try {
+      static_cast<void>(ParseTask(task, "task.toml", robot, "hopper.urdf"));
+    } catch (const FileError& error) {
+      return std::string(error.what());
+    }
+    return std::string("taken");
+  };
+  const std::string with_motor =
+      Replaced(Replaced(Replaced(kHopperTask,
+                                 "[passive.leg]\nstiffness_nm_per_rad = 2000.0\n"
+                                 "damping_nm_s_per_rad = 30.0\n",
+                                 ""),
+                        "{ hip = 0.0 }", "{ hip = 0.0, leg = 0.0 }"),
+               "{ hip = 0.1 }", "{ hip = 0.1, leg = 0.0 }");
+  const std::string rubs =
+      Replaced(kHopper, "effort=\"1000\" velocity=\"50.0\"/>",
+               "effort=\"1000\" velocity=\"50.0\"/><dynamics friction=\"9\"/>");
+  EXPECT_EQ(refusal(with_motor), "taken");
+  EXPECT_THAT(refusal(with_motor, rubs), HasSubstr("'leg' with a dry friction of 9 N, which"));
+  EXPECT_THAT(refusal(kHopperTask, rubs), HasSubstr("has a dry friction of 9 N in the robot's"));
+  const auto fast = [&with_motor](const std::string& rates) {
+    return Replaced(Replaced(with_motor, "settle_s = 0.2", "settle_s = 0.0"), "[start]",
+                    "[start]\njoints_rad_s = " + rates);
+  };
+  EXPECT_THAT(refusal(fast("{ leg = 60.0 }")),
+              HasSubstr("is 60 m/s; allowed: less than the joint's limit of 50 m/s"));
+  EXPECT_THAT(refusal(fast("{ leg = 40.0 }")),
+              ::testing::ContainsRegex("beside the end at [0-9.]+ m; allowed: -0.1 to 0.1 m;"));
+  EXPECT_THAT(refusal(fast("{ hip = 30.0 }")), HasSubstr("is 30 rad/s; allowed: less than"));
+}
+
 TEST(Passive, AStiffSpringShortensTheStepsThatATaskLeavesOut) {
   const auto with = [](const std::string& stiffness) {
     return Pendulum(Replaced(kPendulumTask, "stiffness_nm_per_rad = 1.5",

@@ -369,7 +369,7 @@ TEST(Sdf, WhatAUrdfHasNotIsSaidInALineEach) {
   const std::string notes = NotesOf(read);
   for (const char* const note :
        {"robot.sdf:5: XML Element[inertail]", "the world's gravity of 0 0 -1.6 is left out",
-        "the model 'a' is taken, and not 'b'",
+        "the model 'a' is taken, which has joints, and not 'b'",
         "link 'x': the shape 'c' is left out: a URDF has no <plane>",
         "SDF has 1 kg and 1 kg m^2: 'x', 'y', 'z'\n", "link 'y' has no <gravity>", "is <static>",
         "joint 'j': its spring of 3 is left out", "joint 'k' is of the type ball",
@@ -386,13 +386,54 @@ TEST(Sdf, WhatAUrdfHasNotIsSaidInALineEach) {
   EXPECT_EQ(robot.visual_shapes.front().mesh_scale, SpaceVector(1, 2, 3));
 }
 
-TEST(Sdf, OfSeveralModelsTheFirstIsTakenAndTheOthersAreNamed) {
+/// A world of these models.
+std::string WorldOf(const std::string& models) {
+  return "<sdf version='1.9'><world name='w'>" + models + "</world></sdf>";
+}
+
+/// A model of two links with a joint between them.
+std::string ModelWithJoint(const std::string& name, const std::string& joint) {
+  return "<model name='" + name + "'><link name='x'/><link name='y'/><joint name='j' type='" +
+         joint +
+         "'><parent>x</parent><child>y</child><axis><xyz>0 1 0</xyz></axis></joint></model>";
+}
+
+TEST(Sdf, OfAWorldTheModelWithJointsIsTakenWhereverItStands) {
+  // A table of two links, glued, is no robot.
+  const std::string ground = "<model name='ground'><static>1</static><link name='g'/></model>";
+  const TranslatedRobot read =
+      Read(WorldOf(ground + ModelWithJoint("table", "fixed") + ModelWithJoint("arm", "revolute")));
+  EXPECT_THAT(read.urdf, HasSubstr("<robot name=\"arm\">"));
+  EXPECT_THAT(NotesOf(read), HasSubstr("the model 'arm' is taken, which has joints, and not "
+                                       "'ground', 'table'"));
+  // What is wrong in its text is found there, too, and nothing of models that are not taken.
+  const std::string lamp = "<model name='lamp'><link name='l'><inertial auto='1'/></link></model>";
+  EXPECT_THAT(Read(WorldOf(ground + lamp + ModelWithJoint("arm", "revolute"))).urdf,
+              HasSubstr("<robot name=\"arm\">"));
+  EXPECT_THAT(RefusalOf(WorldOf(
+                  ground + testing::Replaced(ModelWithJoint("arm", "revolute"), "0 1 0", "0 0 0"))),
+              HasSubstr("joint 'j': <xyz> is '0 0 0'"));
+}
+
+TEST(Sdf, SeveralModelsWithJointsAreRefusedByName) {
+  EXPECT_THAT(
+      RefusalOf(WorldOf(ModelWithJoint("left", "revolute") + ModelWithJoint("right", "prismatic"))),
+      HasSubstr("robot.sdf: several models have joints, and a robot is one of them: 'left', "
+                "'right'; put the one that is meant into a file of its own"));
+  EXPECT_THAT(RefusalOf("<sdf version='1.9'><model name='a'><link name='x'/></model>" +
+                        ModelWithJoint("b", "revolute") + "</sdf>"),
+              HasSubstr("model 'b': has joints, but libsdformat takes the first model of <sdf> "
+                        "alone, 'a'"));
+}
+
+TEST(Sdf, OfSeveralModelsWithoutJointsTheFirstIsTakenAndTheOthersAreNamed) {
   const TranslatedRobot read = Read(
       "<sdf version='1.9'><model name='a'><link name='x'/></model>"
       "<model name='b'><link name='y'/></model></sdf>");
   EXPECT_THAT(read.urdf, HasSubstr("<robot name=\"a\">"));
   EXPECT_THAT(read.urdf, Not(HasSubstr("\"y\"")));
-  EXPECT_THAT(NotesOf(read), HasSubstr("the model 'a' is taken, and not 'b'"));
+  EXPECT_THAT(NotesOf(read),
+              HasSubstr("the model 'a' is taken, the first, as none has joints, and not 'b'"));
 }
 
 TEST(Sdf, AModelInAModelIsPartOfIt) {

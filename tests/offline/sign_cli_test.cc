@@ -81,6 +81,20 @@ TEST_F(EditedPrimitive, OnceSignedItIsPlayedWithAWarning) {
   EXPECT_THAT(unchanged.text, Not(HasSubstr("changed by hand")));
 }
 
+TEST_F(EditedPrimitive, WhatNoProgramCouldPlayIsNotSigned) {
+  const std::string whole = ReadFile(file_);
+  for (const auto& [from, to] :
+       {std::pair("format = \"tumbler-task\"", "format = \"a-task\""), std::pair("<robot", "<robt"),
+        std::pair("name = \"leg1\"", "name = \"leg9\"")}) {
+    const std::string before = Replaced(whole, from, to);
+    WriteFile(file_, before);
+    const Outcome outcome = RunProgram({"tumbler sign", file_, "--because", "tried"});
+    EXPECT_EQ(outcome.exit_code, 1) << to;
+    EXPECT_THAT(outcome.text, ::testing::StartsWith("tumbler sign: ")) << to;
+    EXPECT_EQ(ReadFile(file_), before) << to;
+  }
+}
+
 TEST_F(EditedPrimitive, WhatCannotBeSignedIsLeftAsItIs) {
   const std::string untouched = folder_ / "downstand.toml";
   for (const auto& [file, reason] :
