@@ -79,7 +79,7 @@ if(TUMBLER_CORTEX_M)
   tumbler_tool(qemu FOUND ${TUMBLER_QEMU_ARM} PACKAGES qemu-system-arm)
 endif()
 
-# Another architecture, for the bits of the elementary functions.
+# Another architecture, for the bits of the elementary functions and of the optimiser.
 find_program(TUMBLER_AARCH64_CXX aarch64-linux-gnu-g++)
 tumbler_compiles(TUMBLER_HAS_AARCH64_CXX TUMBLER_AARCH64_CXX -static)
 tumbler_tool(aarch64_compiler FOUND ${TUMBLER_HAS_AARCH64_CXX} PACKAGES g++-aarch64-linux-gnu)

@@ -17,6 +17,33 @@ constexpr double kSamplesPerSecond = 200;
 /// make a page of tens of megabytes.
 constexpr double kMaxSamples = 4000;
 
+/// Adds the windows of a primitive to the page's, and how they were found, unless that is said.
+/// @param of  behind the name of each property: which motion's it is.
+void AddWindow(const GroundWindow& window, const std::string& of, ReportData& data) {
+  data.window.columns = {"property", "from", "to", "looked at"};
+  const auto add = [&](const char* name, const char* unit, const GroundWindow::Ends& ends,
+                       const GroundWindow::Ends& scanned) {
+    const auto end = [&](std::size_t side, const char* beyond) {
+      return fmt::format("{}{}", GroundValueText(ends[side]),
+                         ends[side] == scanned[side] ? beyond : "");
+    };
+    data.window.rows.push_back(
+        {fmt::format("{}{}{}", name, of, unit), end(0, " or less"), end(1, " or more"),
+         fmt::format("{} to {}", GroundValueText(scanned[0]), GroundValueText(scanned[1]))});
+  };
+  add("friction", "", window.mu, window.mu_scanned);
+  add("stiffness", " [N/m]", window.stiffness_n_per_m, window.stiffness_scanned_n_per_m);
+  add("damping", " [N s/m]", window.damping_n_s_per_m, window.damping_scanned_n_s_per_m);
+  const std::string note = fmt::format(
+      "Each property by itself, the others as in the task: a scan from the task's value outwards "
+      "to the first value with which the model is not as asked, and closer at its ends. Played in "
+      "{} with {}, and held for {:.3g} s after the motion (tumbler robustness --window).",
+      window.where == RobustnessFigure::Where::kLanes ? "lanes" : "the twin",
+      window.drives_file.empty() ? "default drives" : window.drives_file, window.hold_s);
+  if (data.window_note.find(note) != std::string::npos) return;
+  data.window_note += (data.window_note.empty() ? "" : " ") + note;
+}
+
 }  // namespace
 
 ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
@@ -71,7 +98,9 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
   for (const RobustnessFigure& figure : file.robustness)
     data.certificate.emplace_back("robots as asked", ToText(figure));
   if (file.window) {
-    for (auto& line : WindowLines(*file.window)) data.certificate.push_back(std::move(line));
+    AddWindow(*file.window, "", data);
+  } else if (!problem.in_empty_space()) {
+    data.window_note = "The window was not looked for: tumbler robustness --window FILE.";
   }
   data.certificate.emplace_back("primitive", ContentHash(file));
   data.certificate.emplace_back("robot", file.provenance.robot_hash);
@@ -103,9 +132,8 @@ ReportData MakeChainReport(const SimulatedMotion& motion, const ChainOptions& op
       data.certificate.emplace_back(fmt::format("robots as asked ({})", file.primitive_names[i]),
                                     ToText(figure));
     }
-    if (!file.primitives[i].window) continue;
-    for (const auto& [what, text] : WindowLines(*file.primitives[i].window))
-      data.certificate.emplace_back(fmt::format("{} ({})", what, file.primitive_names[i]), text);
+    if (file.primitives[i].window)
+      AddWindow(*file.primitives[i].window, fmt::format(" of {}", file.primitive_names[i]), data);
   }
   data.certificate.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
   for (const PlayedNode& p : outcome.passages) {

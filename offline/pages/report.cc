@@ -21,6 +21,15 @@ void CheckPeak(const ReportData& data) {
   }
 }
 
+void CheckTable(const ReportTable& table, const std::string& name) {
+  for (std::size_t k = 0; k < table.rows.size(); ++k) {
+    if (table.rows[k].size() == table.columns.size()) continue;
+    RefuseField(
+        fmt::format("{}.rows[{}]", name, k),
+        fmt::format("has {} texts, must have {}", table.rows[k].size(), table.columns.size()));
+  }
+}
+
 void Check(const ReportData& data) {
   CheckFinite(data.duration_s, "duration_s");
   CheckFinite(data.settle_s, "settle_s");
@@ -35,13 +44,8 @@ void Check(const ReportData& data) {
     CheckFinite(data.evaluations[k].violation, fmt::format("evaluations[{}].violation", k));
   }
   CheckPeak(data);
-  for (std::size_t k = 0; k < data.minima.rows.size(); ++k) {
-    if (data.minima.rows[k].size() != data.minima.columns.size()) {
-      RefuseField(fmt::format("minima.rows[{}]", k),
-                  fmt::format("has {} texts, must have {}", data.minima.rows[k].size(),
-                              data.minima.columns.size()));
-    }
-  }
+  CheckTable(data.minima, "minima");
+  CheckTable(data.window, "window");
 }
 
 /// A column of JSON: one number of every sample.
@@ -69,6 +73,12 @@ Json TextsToJson(const std::vector<std::string>& texts) {
   Json array = Json::Array();
   for (const std::string& text : texts) array.Append(text);
   return array;
+}
+
+Json TableToJson(const ReportTable& table) {
+  Json json = {{"columns", TextsToJson(table.columns)}, {"rows", Json::Array()}};
+  for (const std::vector<std::string>& row : table.rows) json["rows"].Append(TextsToJson(row));
+  return json;
 }
 
 Json ToJson(const ReportData& data) {
@@ -103,9 +113,9 @@ Json ToJson(const ReportData& data) {
                            {"time_s", data.peak_torque->time_s},
                            {"torque_nm", data.peak_torque->torque_nm}};
   }
-  json["minima"] = {{"columns", TextsToJson(data.minima.columns)}, {"rows", Json::Array()}};
-  for (const std::vector<std::string>& row : data.minima.rows)
-    json["minima"]["rows"].Append(TextsToJson(row));
+  json["minima"] = TableToJson(data.minima);
+  json["window"] = TableToJson(data.window);
+  json["window_note"] = data.window_note;
   json["certificate"] = Json::Array();
   for (const auto& [name, value] : data.certificate) {
     json["certificate"].Append(Json::Array({name, value}));

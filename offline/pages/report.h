@@ -99,6 +99,9 @@ struct ReportData {
   std::int64_t evaluation_count = 0;
   std::optional<ReportPeak> peak_torque;  ///< Empty: that of the samples is shown.
   ReportTable minima;                     ///< The different motions that were found; may be empty.
+  ReportTable window;  ///< In which ranges of the ground the model is as asked; may be empty.
+  /// How the window was found, or why there is none; empty: nothing is said of one.
+  std::string window_note;
   /// Names, and values with their units, in the order in which they are shown.
   std::vector<std::pair<std::string, std::string>> certificate;
 };

@@ -34,6 +34,7 @@
 #include "offline/problem/task_toml.h"
 #include "offline/solve/guess.h"
 #include "offline/studies/identified_model.h"
+#include "offline/studies/window.h"
 
 namespace tumbler {
 namespace {
@@ -43,6 +44,7 @@ constexpr const char* kExitCodes =
   0    found
   1    wrong usage, or a file that cannot be used or written: nothing was written
   2    no motion was found (of one of the tasks) that keeps the limits and reaches the targets of its cost
+  4    found, but with --window: through its drives the model is not as asked, so that there is no window
   130  interrupted)";
 
 namespace fs = std::filesystem;
@@ -61,6 +63,7 @@ struct Arguments {
   int minima = 0;  ///< Number of starts that are solved to their end for the table; 0: no table.
   bool prove = false;
   bool keep_best = false;
+  bool window = false;
   bool quiet = false;
 };
 
@@ -99,6 +102,11 @@ Task Load(const Arguments& arguments, const std::string& path) {
   CheckGuess(task);
   for (const std::string& other : arguments.complement)
     TakeComplement(task, LoadNoting(other), other);
+  if (arguments.window && (problem.space || problem.in_empty_space())) {
+    throw UsageError("--window",
+                     fmt::format("is of the ground of robots in the plane; leave it out: {} has {}",
+                                 path, problem.space ? "one in space" : "no ground"));
+  }
   if (arguments.seed) problem.search.seed = *arguments.seed;
   if (arguments.prove || arguments.minima > 0) problem.solver.prove = true;
   if (arguments.minima > 0) {
@@ -134,9 +142,32 @@ std::string WriteSpacePage(const TaskResult& result, const std::string& where) {
   return WritePage(SpacePage(MakeSpaceMotionPage(result.task, result.best.x, *result.file)), where);
 }
 
+/// What came of --window: nothing where it was not asked for, or not looked for any more.
+struct Window {
+  std::string text;  ///< For people.
+  bool lacking = false;
+
+  [[nodiscard]] ExitStatus status() const {
+    return lacking ? ExitStatus::kAmiss : ExitStatus::kDone;
+  }
+};
+
+/// Finds the window of a result, for its file. @pre the result has a file.
+Window LookForWindow(const Arguments& arguments, TaskResult& result) {
+  if (!arguments.window || result.outcome.interrupted) return {};
+  try {
+    const WindowResult found = FindWindows(*result.file, arguments.threads);
+    if (!found.windows.empty()) result.file->window = WindowOf(found);
+    return {ToText(found), found.windows.empty()};
+  } catch (const Refused& error) {
+    return {fmt::format("no window was found: {}\n", error.what()), true};
+  }
+}
+
 /// The data of the page of a result. @pre the result has a file.
-ReportData PageOf(const TaskResult& result) {
+ReportData PageOf(const TaskResult& result, const Window& window) {
   ReportData data = MakeReportData(result.task, result.outcome, result.best, *result.file);
+  if (window.lacking) data.window_note = window.text;
   if (result.minima.empty()) return data;
   const std::vector<std::vector<std::string>> table = MinimaTable(result);
   data.minima = {table.front(), {table.begin() + 1, table.end()}};
@@ -166,7 +197,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
   std::atomic<bool>& end_requested = EndOnSignals();
-  const TaskResult result = WorkOn(std::move(task), SettingsOf(arguments, end_requested));
+  TaskResult result = WorkOn(std::move(task), SettingsOf(arguments, end_requested));
   if (arguments.minima > 0) PrintMinima(people, result);
   const auto drop = [&] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
@@ -182,11 +213,12 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
     return ExitStatus::kRefused;
   }
 
+  const Window window = LookForWindow(arguments, result);
   const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   std::optional<ReportData> report;
   const bool in_space = result.problem().space.has_value();
-  if (!arguments.report.empty() && !in_space) report = PageOf(result);
+  if (!arguments.report.empty() && !in_space) report = PageOf(result, window);
   if (end_requested && !arguments.keep_best) return drop();
   IgnoreEndSignals();  // From here on, files are written whole.
   const bool interrupted = end_requested;
@@ -206,10 +238,11 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   if (primitive_file) primitive_file->Commit();
 
   PrintMotion(people, result);
+  fmt::print(people, "{}", window.text);
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);
   Flush(people);
-  return interrupted ? ExitStatus::kInterrupted : ExitStatus::kDone;
+  return interrupted ? ExitStatus::kInterrupted : window.status();
 }
 
 // The following functions work on several tasks one after the other, and print a table that ranks
@@ -268,21 +301,25 @@ HeldResults CheckResults(const std::vector<Task>& tasks, const Arguments& argume
 }
 
 /// Writes the primitive and the report of a motion, and prints their names.
-void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& arguments) {
+/// @returns what came of its window.
+ExitStatus WriteMotion(std::FILE* people, TaskResult& result, const Arguments& arguments) {
+  const Window window = LookForWindow(arguments, result);
   const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   PrintMotion(people, result);
+  fmt::print(people, "{}", window.text);
   if (!arguments.report.empty()) {
     const std::string where = ReportOf(result.task, arguments);
     fmt::print(people, "  report {}\n",
                result.problem().space ? WriteSpacePage(result, where)
-                                      : WriteReport(PageOf(result), where));
+                                      : WriteReport(PageOf(result, window), where));
   }
-  if (arguments.out.empty()) return;
+  if (arguments.out.empty()) return window.status();
   fs::create_directories(arguments.out);
   const std::string path = PrimitiveOf(result.task, arguments);
   PendingFile(path, text).Commit();
   fmt::print(people, "  primitive {}\n", path);
+  return window.status();
 }
 
 ExitStatus OptimizeSeveral(const Arguments& arguments) {
@@ -301,12 +338,15 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
 
   std::atomic<bool>& end_requested = EndOnSignals();
   std::vector<TaskResult> results;
+  ExitStatus windows = ExitStatus::kDone;
   for (Task& task : tasks) {
     if (end_requested) break;
     fmt::print(stderr, "{}\n", task.task_file);
     results.push_back(WorkOn(std::move(task), SettingsOf(arguments, end_requested)));
     if (arguments.minima > 0) PrintMinima(people, results.back());
-    if (results.back().file) WriteMotion(people, results.back(), arguments);
+    if (!results.back().file) continue;
+    if (WriteMotion(people, results.back(), arguments) != ExitStatus::kDone)
+      windows = ExitStatus::kAmiss;
   }
 
   const std::vector<const TaskResult*> order = Ranked(results);
@@ -326,7 +366,7 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
   }
   const bool all_found = std::ranges::all_of(
       results, [](const TaskResult& result) { return result.file.has_value(); });
-  return all_found ? ExitStatus::kDone : ExitStatus::kRefused;
+  return all_found ? windows : ExitStatus::kRefused;
 }
 
 ExitStatus Optimize(const Arguments& arguments) {
@@ -377,6 +417,10 @@ ExitStatus Main(int argc, char** argv) {
       "--prove", arguments.prove,
       "Go on until the motion is at a minimum, by the residual of the task, or the solver makes "
       "no progress any more; otherwise only where it takes no longer than the search");
+  line.Flag(
+      "--window", arguments.window,
+      "Find on which ground the model is as asked, for the primitive and the page, as tumbler "
+      "robustness --window does; for robots in the plane");
   line.Flag("--keep-best", arguments.keep_best,
             "When interrupted, still write the best motion so far");
   line.Flag("--quiet", arguments.quiet, "No progress: only warnings and what was found");

@@ -2,8 +2,10 @@
 
 #include <pybind11/pybind11.h>
 
-#include <filesystem>
+#include <optional>
 #include <string>
+
+#include "common/files/temporary_folder.h"
 
 namespace tumbler {
 
@@ -13,18 +15,12 @@ class MotionPath {
  public:
   /// @param motion  a path, or a Primitive.
   explicit MotionPath(const pybind11::object& motion);
-  ~MotionPath();
-  MotionPath(const MotionPath&) = delete;
-  MotionPath& operator=(const MotionPath&) = delete;
 
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  std::filesystem::path folder_;  ///< Empty: none was made.
+  std::optional<TemporaryFolder> folder_;
   std::string path_;
 };
-
-/// A new folder for files that nobody else is to see. @throws std::runtime_error
-std::filesystem::path MakeTemporaryFolder();
 
 }  // namespace tumbler

@@ -17,13 +17,13 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/files/program.h"
 #include "common/files/share.h"
+#include "common/files/temporary_folder.h"
 #include "offline/python/arrays.h"
 #include "offline/python/bindings.h"
 #include "offline/python/define.h"
@@ -60,22 +60,6 @@ struct SimulatedRun {
   std::string reason;
   std::optional<bool> as_asked;
   std::string json;
-};
-
-/// A folder that is removed in the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder() : path_(MakeTemporaryFolder()) {}
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
 };
 
 SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {

@@ -17,6 +17,7 @@
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "common/files/sequence_toml.h"
+#include "common/files/temporary_folder.h"
 #include "common/files/toml_reader.h"
 #include "offline/studies/checkpoint.h"
 #include "offline/studies/lane_trials.h"
@@ -268,6 +269,22 @@ WindowResult FindWindows(const RobustnessStudy& study, int threads, const Window
     result.windows.push_back(FindWindow(property, scan, player));
   if (player.in_lanes()) result.map = MapOf(result.windows, scan, player);
   return result;
+}
+
+WindowResult FindWindows(const PrimitiveFile& file, int threads) {
+  const TemporaryFolder folder;
+  RobustnessStudy study;
+  study.motion = (folder.path() / "motion.toml").string();
+  WriteResult(study.motion, ToToml(file));
+  try {
+    return FindWindows(study, threads, WindowScan{});
+  } catch (const Refused& error) {
+    // Not with the name of a file that nobody knows.
+    std::string why = error.what();
+    if (const std::string name = study.motion + ": "; why.starts_with(name))
+      why.erase(0, name.size());
+    throw Refused(why);
+  }
 }
 
 GroundWindow WindowOf(const WindowResult& result) {

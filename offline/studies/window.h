@@ -81,6 +81,10 @@ struct WindowScan {
 /// @throws as Trials, and Refused where there is no ground, or one without friction or damping.
 WindowResult FindWindows(const RobustnessStudy& study, int threads, const WindowScan& scan = {});
 
+/// The same of a motion that is in no file yet, held as long as by default, with default drives.
+/// @throws as above, and std::runtime_error  when a temporary file cannot be written.
+WindowResult FindWindows(const PrimitiveFile& file, int threads);
+
 /// The windows as a primitive's file has them. @throws FileError  when the drives file cannot be
 /// read. @pre the model is as asked.
 GroundWindow WindowOf(const WindowResult& result);

@@ -3,21 +3,19 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <vector>
 
 #include "common/files/command_line.h"
 #include "common/files/printable.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
+#include "common/files/temporary_folder.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "runtime/assembly/candump.h"
 #include "runtime/record/flight_record.h"
@@ -156,28 +154,6 @@ ExitStatus ReadLog(std::string_view text, const Options& options) {
   return ExitStatus::kDone;
 }
 
-/// A file for a record that nobody asked for. It is removed at the end.
-class ScratchFile {
- public:
-  ScratchFile() {
-    std::string name = (std::filesystem::temp_directory_path() / "tumbler-replay-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) {
-      throw std::runtime_error(fmt::format("{}: no folder can be made here", name));
-    }
-    folder_ = name;
-  }
-  ~ScratchFile() {
-    std::error_code error;
-    std::filesystem::remove_all(folder_, error);
-  }
-  ScratchFile(const ScratchFile&) = delete;
-  ScratchFile& operator=(const ScratchFile&) = delete;
-  [[nodiscard]] std::string path() const { return (folder_ / "played").string(); }
-
- private:
-  std::filesystem::path folder_;
-};
-
 ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   const RunTrace recorded = LoadTrace(record);
   PrintWhatIsMissing(record, stderr);
@@ -194,9 +170,9 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   RecordToPlay to_play{
       options.record, record.configuration(), {}, options.primitive, options.given};
   if (options.primitive.empty()) to_play.wishes = WishesOf(record);
-  const ScratchFile scratch;
+  const TemporaryFolder scratch;  // for a record that nobody asked for
   RunOptions run = options.run;
-  if (run.record.empty()) run.record = scratch.path();
+  if (run.record.empty()) run.record = (scratch.path() / "played").string();
   const std::optional<RunSummary> summary = PlayRecord(to_play, run);
   if (!summary) return ExitStatus::kInterrupted;
   const RunSummary& played = *summary;

@@ -212,8 +212,9 @@ TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
   ASSERT_FALSE(outcome.solutions.empty());
   const Solution& best = outcome.solutions.front();
   EXPECT_TRUE(best.feasible() && !best.refused);
-  // A random search and the solve from there take more than a thousand.
-  EXPECT_LE(outcome.evaluations, 40);
+  // The search that found the known motion took more than a thousand. A few evaluations are enough,
+  // but for what takes longer: from there a solve of some steps leads back to the targets.
+  EXPECT_LE(outcome.evaluations, change.duration > 1 ? Known().provenance.evaluations / 40 : 5);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     EXPECT_LT(
         LargestDifference(PositionSpline(problem, best.x, j), Known().primitive.joints[j].position),

@@ -143,8 +143,11 @@ SolveOutcome Hop(Problem problem, std::uint64_t seed, bool specific) {
 }
 
 class EitherContactModel : public ::testing::TestWithParam<int> {};
-// Of the seeds 1 to 10; with 2, 3 and 8 the two end in different valleys.
-INSTANTIATE_TEST_SUITE_P(LampContact, EitherContactModel, ::testing::Values(1, 4, 5, 6, 7, 9, 10));
+INSTANTIATE_TEST_SUITE_P(LampContact, EitherContactModel, ::testing::Range(1, 11));
+
+// With the seeds 3 and 8 rounding, which a search amplifies, leads the two into different valleys:
+// each is a hop all the same.
+bool EndInOneValley(std::uint64_t seed) { return seed != 3 && seed != 8; }
 
 TEST_P(EitherContactModel, LeadsToTheSameHop) {
   const auto seed = static_cast<std::uint64_t>(GetParam());
@@ -157,6 +160,7 @@ TEST_P(EitherContactModel, LeadsToTheSameHop) {
     EXPECT_EQ(solution->end, SolveEnd::kConverged);
     EXPECT_LT(solution->rollout.cost, 0.1) << "150 mm further, and upright";
   }
+  if (!EndInOneValley(seed)) return;
   ASSERT_EQ(a.x.size(), b.x.size());
   for (std::size_t k = 0; k < a.x.size(); ++k) EXPECT_NEAR(a.x[k], b.x[k], 3e-3) << k;
   EXPECT_NEAR(a.rollout.cost, b.rollout.cost, 1e-5 * a.rollout.cost);

@@ -68,7 +68,7 @@ TEST_P(MinimumOfTask, IsOneAlsoByAFinerIntegration) {
 /// before a residual of 1e-6.
 Solution NearTo(Problem problem, const std::vector<double>& x) {
   problem.solver.tolerance = 1e-10;
-  problem.solver.kkt_residual = 1e-4;
+  problem.solver.kkt_residual = 1e-5;
   NearRollouts rollouts(problem);
   return SolveNear(problem, x, {400, 0}, rollouts, {}, nullptr);
 }

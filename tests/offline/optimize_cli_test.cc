@@ -14,11 +14,13 @@
 #include <csignal>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/files/json.h"
 #include "common/files/primitive_toml.h"
 #include "offline/certify/progress.h"
+#include "offline/problem/task_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
@@ -364,6 +366,57 @@ TEST(OptimizeCli, SeedOnTheCommandLineReplacesTheTasks) {
   const PrimitiveFile b = LoadPrimitive(of_option / "motion.toml");
   EXPECT_EQ(PathsOf(a), PathsOf(b));
   EXPECT_EQ(b.provenance.seed, 5U);
+}
+
+TEST(OptimizeCli, TheWindowThatIsAskedForIsInThePrimitiveAndOnThePage) {
+  const testing::TemporaryFolder folder;
+  Program program({testing::ProgramPath("tumbler optimize"),
+                   testing::SourcePath("primitives/tasks/nominal/handstand.toml"), "--quiet",
+                   "--window", "--threads", "2", "--out", folder / "motion.toml", "--report",
+                   folder / "page"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("handstand: the model is as asked on ground with\n"));
+  const PrimitiveFile file = LoadPrimitive(folder / "motion.toml");
+  ASSERT_TRUE(file.window);
+  const double mu = TaskOf(file).problem.contact().mu;
+  EXPECT_LT(file.window->mu[0], mu);
+  EXPECT_GT(file.window->mu[1], mu);
+  const std::string page = ReadFile(folder / "page/index.html");
+  EXPECT_THAT(page,
+              HasSubstr(fmt::format(R"("friction","{}","{}",)", GroundValueText(file.window->mu[0]),
+                                    GroundValueText(file.window->mu[1]))));
+  EXPECT_THAT(page, Not(HasSubstr("was not looked for")));
+}
+
+TEST(OptimizeCli, AMotionOfWhichNoWindowIsFoundIsWrittenAllTheSameAndItsPageSaysWhy) {
+  // From which no factors lead anywhere.
+  const TaskFolder folder(Replaced(QuickTask(), "mu = 0.3", "mu = 0.0"));
+  const auto optimize = [&folder](std::vector<std::string> more) {
+    more.insert(more.end(), {"--out", folder / "motion.toml", "--report", folder / "page"});
+    Program program = Optimize(folder, more);
+    const int status = program.Wait();
+    EXPECT_FALSE(LoadPrimitive(folder / "motion.toml").window) << program.text();
+    return status;
+  };
+  EXPECT_EQ(optimize({"--window"}), 4);
+  EXPECT_THAT(ReadFile(folder / "page/index.html"),
+              HasSubstr("no window was found: the friction of its task's ground is 0"));
+  EXPECT_EQ(optimize({}), 0);
+  EXPECT_THAT(ReadFile(folder / "page/index.html"),
+              HasSubstr("The window was not looked for: tumbler robustness --window FILE."));
+}
+
+TEST(OptimizeCli, AWindowIsOfTheGroundOfARobotInThePlane) {
+  const std::pair<const char*, const char*> kTasks[] = {
+      {"primitives/acrobot/tasks/swing_up.toml", "no ground"},
+      {"primitives/solo12/tasks/turn.toml", "one in space"}};
+  for (const auto& [task, why] : kTasks) {
+    Program program(
+        {testing::ProgramPath("tumbler optimize"), testing::SourcePath(task), "--window"});
+    EXPECT_EQ(program.Wait(), 1) << task;
+    EXPECT_THAT(program.text(), HasSubstr("--window: is of the ground"));
+    EXPECT_THAT(program.text(), HasSubstr(why));
+  }
 }
 
 TEST(OptimizeCli, WrongCommandLinesAreRefused) {

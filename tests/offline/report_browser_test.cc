@@ -122,13 +122,17 @@ TEST_F(ReportInBrowser, SaysWhatTheSearchSaysAndNotWhatItsSamplesHappenToShow) {
   data.evaluation_count = 7456;
   data.peak_torque = ReportPeak{1, 0.7512, 7.78};  // between two samples
   data.minima = {{"#", "cost"}, {{"1", "0.0004"}, {"2", "0.0007, refused: <b>"}}};
+  data.window = {{"property", "from", "to"}, {{"friction", "0.1 or less", "0.6"}}};
+  data.window_note = "Each by itself, <b>.";
   const std::string dom = Browse(data, "t=1.25", R"(
     const fact = (name) => [...byId('facts').children].find((d) => d.firstChild.textContent === name).textContent;
     for (const name of ['Duration', 'Peak torque', 'Evaluations']) say(fact(name));
     const phases = []; for (const t of [1.2, 1.25, 1.35]) { seek(t); phases.push(byId('phase').textContent); }
     say(phases.join());
-    say([...document.querySelectorAll('#minima tr')].map((r) => [...r.cells].map((c) => c.textContent).join('|')).join(' / '));
-    say(getComputedStyle(byId('minima')).display);)");
+    for (const table of ['#minima', '#ground-window'])
+      say([...document.querySelectorAll(table + ' tr')].map((r) => [...r.cells].map((c) => c.textContent).join('|')).join(' / '));
+    say(byId('ground-window').querySelector('p').textContent);
+    say(getComputedStyle(byId('minima')).display, getComputedStyle(byId('ground-window')).display);)");
   EXPECT_EQ(TextOf(dom, "probe"),
             "Duration1.200 sthen 0.100 s of settling; shown until 0.300 s later\n"
             "Peak torque7.78 N·mleg_2 at 0.751 s, 97 % of its limit\n"
@@ -137,7 +141,9 @@ TEST_F(ReportInBrowser, SaysWhatTheSearchSaysAndNotWhatItsSamplesHappenToShow) {
                 " local solver; the others: of other starts, or failed\n"
                 ",settling,held\n"
                 "#|cost / 1|0.0004 / 2|0.0007, refused: &lt;b&gt;\n"
-                "block\n");
+                "property|from|to / friction|0.1 or less|0.6\n"
+                "Each by itself, &lt;b&gt;.\n"
+                "block block\n");
 }
 
 TEST_F(ReportInBrowser, DrawsEachLinkWhereThePoseSaysWithUpwardsUp) {
@@ -340,11 +346,11 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
   }
   const std::string dom = Browse(data, "t=0.1", R"(
     say(timePlots.map((plot) => plot.spec.title).join(', '), byId('progress').hidden, byId('certificate').hidden,
-      data.obstacles.length);
+      byId('ground-window').hidden, data.obstacles.length);
     for (const o of byId('stage').querySelectorAll('.obstacle')) say(o.textContent, o.getAttribute('d'));)");
   EXPECT_EQ(TextOf(dom, "time"), "0.100 s");
   EXPECT_EQ(TextOf(dom, "probe"),
-            "Root pitch, Root position true true 4\n"
+            "Root pitch, Root position true true true 4\n"
             "post M-0.05 0A0.05 0.05 0 0 1 0.05 0A0.05 0.05 0 0 1 -0.05 0z\n"
             "bar M-1 0.25A0.25 0.25 0 0 1 -1 -0.25L-0.5 -0.25A0.25 0.25 0 0 1 -0.5 0.25z\n"
             "step M0.375 -0.25A0.125 0.125 0 0 1 0.5 -0.375L0.75 -0.375"

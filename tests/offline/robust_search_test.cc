@@ -130,7 +130,8 @@ TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
 
 TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
   Problem problem = ProblemOf(QuickRobustTask());
-  const std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
+  std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
+  for (double& x : guess) x += 0.1;  // Worse than what a round makes of it.
   const SolveOutcome eight = SolveRobust(problem, {}, guess);
   problem.robust->polish_robots = 16;
   problem.robust->polish_rounds = 2;
@@ -139,9 +140,11 @@ TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots)
   ASSERT_EQ(both.history.size(), 6U);
   for (std::size_t g = 0; g < 3; ++g) EXPECT_EQ(both.history[g].cost, eight.history[g].cost);
   problem.robust->polish_rounds = 1;
-  const SolveOutcome then = SolveRobust(problem, {}, eight.solutions.front().x);
-  // Each begins with the motion that the first round found, and has random numbers of its own.
-  EXPECT_NEAR(both.history[3].cost, then.history[0].cost, 0.01 * then.history[0].cost);
+  // By the same sixteen robots, from what the first round found, and from what it began with. Each
+  // search has random numbers of its own, so that one generation differs a little from another.
+  const double then = SolveRobust(problem, {}, eight.solutions.front().x).history[0].cost;
+  const double anew = SolveRobust(problem, {}, guess).history[0].cost;
+  EXPECT_LT(std::abs(both.history[3].cost - then), 0.25 * (anew - then));
   ASSERT_EQ(both.solutions.size(), 1U);
 }
 
@@ -280,14 +283,21 @@ TEST(RobustSearch, RobotsWhoseOwnShapesOverlapThoughThePlansDoNotAreLostToGainsI
   const std::vector<double> guess =
       SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
   EXPECT_LE(SolveRobust(problem, {}, guess).history.back().cost, 0.05);
-  // Legs so thick that 0.1 mm remain between them.
+  // Legs so thick that 0.4 mm remain between them. Some of the robots that follow this plan come so
+  // much nearer, but none by 0.5 mm.
+  constexpr double kLeft_m = 0.4e-3;
   problem.scene.self_contact.clearance_m = 0;
-  const double thicker_m = NearestAlong(problem, guess) - 0.1e-3;
+  const double thicker_m = NearestAlong(problem, guess) - kLeft_m;
   ASSERT_GT(thicker_m, 0);
   for (OwnShape& shape : problem.scene.robot.own_shapes)
     if (shape.link == "leg1_link") shape.shape.radius_m += thicker_m;
-  ASSERT_NEAR(NearestAlong(problem, guess), 0.1e-3, 1e-9);
-  EXPECT_GE(SolveRobust(problem, {}, guess).history.back().cost, 0.15) << "one robot of eight";
+  ASSERT_NEAR(NearestAlong(problem, guess), kLeft_m, 1e-9);
+  Problem exact = ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\n"));
+  exact.scene = problem.scene;
+  const double of_exact = SolveRobust(exact, {}, guess).history.back().cost;
+  EXPECT_GE(of_exact, 0.15) << "one robot of eight";
+  EXPECT_GE(SolveRobust(problem, {}, guess).history.back().cost, of_exact + 0.1)
+      << "and one more where encoders are off";
 }
 
 TEST(RobustSearch, AFeedbackOfTheHoldLeavesTheMotionAsItIsAndActsAtItsEnd) {

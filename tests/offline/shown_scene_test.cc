@@ -10,6 +10,9 @@
 #include <vector>
 
 #include "offline/model/hybrid_dynamics.h"
+#include "offline/pages/motion_report.h"
+#include "offline/solve/guess.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -106,6 +109,31 @@ TEST(ShownScene, OfAFixedRootTheBaseIsShownWhereItIs) {
   EXPECT_NEAR(shown.link_poses[1][0], 0.1, 1e-12);
   EXPECT_NEAR(shown.link_poses[1][1], -0.3, 1e-12);
   EXPECT_NEAR(shown.link_poses[2][2], -0.75, 1e-12) << "the pitch is about -y";
+}
+
+TEST(MotionPage, HasATableOfTheGroundOnWhichTheModelIsAsAskedOrSaysThatItWasNotLookedFor) {
+  PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
+  const Task task = TaskOf(file);
+  Solution solution;
+  solution.x = ParametersOf(file.primitive);
+  GroundWindow& window = file.window.emplace();
+  window.mu = {0.05, 0.474};
+  window.mu_scanned = {0.05, 2};
+  window.stiffness_n_per_m = {3300.2, 379000};
+  window.stiffness_scanned_n_per_m = {1250, 500000};
+  window.damping_n_s_per_m = {5.2, 2000};
+  window.damping_scanned_n_s_per_m = {5, 2000};
+  window.hold_s = 2;
+  const ReportData found = MakeReportData(task, {}, solution, file);
+  EXPECT_THAT(found.window.rows,
+              ElementsAre(ElementsAre("friction", "0.05 or less", "0.474", "0.05 to 2"),
+                          ElementsAre("stiffness [N/m]", "3300", "379000", "1250 to 500000"),
+                          ElementsAre("damping [N s/m]", "5.2", "2000 or more", "5 to 2000")));
+  EXPECT_THAT(found.window_note, ::testing::HasSubstr("Played in lanes with default drives"));
+  file.window.reset();
+  const ReportData none = MakeReportData(task, {}, solution, file);
+  EXPECT_TRUE(none.window.rows.empty());
+  EXPECT_THAT(none.window_note, ::testing::HasSubstr("was not looked for"));
 }
 
 }  // namespace

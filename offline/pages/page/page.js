@@ -249,14 +249,25 @@ function fillSolverPlots() {
   byId('progress-note').textContent = 'after each evaluation; the last values stand beside the names';
 }
 
-function fillMinima() {
-  const {columns, rows} = data.minima;
-  byId('minima').hidden = rows.length === 0;
-  byId('minima-note').textContent = 'different motions that the starts led to, best first; the page shows the first that can be used';
-  const table = byId('minima').querySelector('table');
+function fillTable(section, {columns, rows}) {
+  const table = section.querySelector('table');
+  table.hidden = rows.length === 0;
   const row = (parent, texts, tag) => texts.forEach((text) => element(tag, {}, parent, text));
   row(element('tr', {}, table.tHead), columns, 'th');
   for (const texts of rows) row(element('tr', {}, table.tBodies[0]), texts, 'td');
+}
+
+function fillMinima() {
+  byId('minima').hidden = data.minima.rows.length === 0;
+  byId('minima-note').textContent = 'different motions that the starts led to, best first; the page shows the first that can be used';
+  fillTable(byId('minima'), data.minima);
+}
+
+function fillWindow() {
+  const section = byId('ground-window');
+  section.hidden = data.window.rows.length === 0 && data.window_note === '';
+  section.querySelector('p').textContent = data.window_note;
+  fillTable(section, data.window);
 }
 
 function fillCertificate() {
@@ -341,6 +352,7 @@ fillStrip();
 fillTimePlots();
 fillSolverPlots();
 fillMinima();
+fillWindow();
 fillCertificate();
 listen();
 applyFragment();
