@@ -120,7 +120,7 @@ TEST(SweepCli, TwoAtOnceDoNotWriteIntoOneLibrary) {
   ASSERT_TRUE(first.WaitFor("0/2 points"));
   Program second = Sweep(folder, "library", {"--over", "mass=1,1.1"});
   EXPECT_EQ(second.Wait(), 1) << second.text();
-  EXPECT_THAT(second.text(), HasSubstr("points.jsonl: is being written by another program"));
+  EXPECT_THAT(second.text(), HasSubstr("library: is being written by another program"));
   first.Signal(SIGINT);
   EXPECT_EQ(first.Wait(), 130) << first.text();
 }
