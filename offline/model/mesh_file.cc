@@ -6,8 +6,12 @@
 #include <cctype>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #ifdef TUMBLER_WITH_ASSIMP
 #include <assimp/scene.h>
@@ -20,6 +24,41 @@ namespace {
 
 /// Larger files hold more than pictures can show, or contact can use.
 constexpr std::uintmax_t kLargestMesh = 256U << 20U;
+
+#ifdef TUMBLER_WITH_ASSIMP
+/// assimp takes the faces of a text STL that is cut off between two of them for all that it has.
+void CheckWholeStl(const std::string& text) {
+  constexpr std::size_t kHead = 84, kFace = 50;  // of a binary one, in bytes
+  const bool binary = text.size() >= kHead && (text.size() - kHead) % kFace == 0 &&
+                      text.find("endsolid") == std::string::npos;
+  if (binary || !text.starts_with("solid")) return;
+  if (text.find("endsolid") == std::string::npos)
+    throw MeshError("is cut off: it has no 'endsolid'; write it again");
+}
+
+/// The text of an OBJ for assimp, which leaves out corners whose coordinates have no digit before
+/// the point, and would read other files for colours.
+std::string ForAssimp(const std::string& text) {
+  std::string clean;
+  clean.reserve(text.size());
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    const std::string_view words(text.data() + begin, end - begin);
+    begin = end + 1;
+    const bool corner = words.starts_with("v ") || words.starts_with("v\t");
+    if (!words.starts_with("mtllib")) {
+      for (std::size_t i = 0; i < words.size(); ++i) {
+        const bool bare = corner && words[i] == '.' &&
+                          std::isdigit(static_cast<unsigned char>(words[i - 1])) == 0;
+        if (bare) clean += '0';
+        clean += words[i];
+      }
+    }
+    clean += '\n';
+  }
+  return clean;
+}
+#endif
 
 bool IsFile(const std::filesystem::path& path) {
   std::error_code error;
@@ -52,6 +91,14 @@ std::string FindMesh(const std::string& named, const std::string& robot_file) {
   return IsFile(from_folder) ? from_folder.string() : "";
 }
 
+std::string BytesOfMesh(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream bytes;
+  bytes << stream.rdbuf();
+  if (!stream || !bytes) throw MeshError("cannot be read; look at its permissions");
+  return std::move(bytes).str();
+}
+
 std::vector<SpaceVector> ReadMesh(const std::string& file) {
 #ifdef TUMBLER_WITH_ASSIMP
   std::string ending = std::filesystem::path(file).extension().string();
@@ -66,8 +113,15 @@ std::vector<SpaceVector> ReadMesh(const std::string& file) {
     throw MeshError(fmt::format("has {} MiB; allowed: up to {}; take one with fewer faces",
                                 size >> 20U, kLargestMesh >> 20U));
   }
+  std::string text = BytesOfMesh(file);
+  if (ending == ".stl") {
+    CheckWholeStl(text);
+  } else {
+    text = ForAssimp(text);
+  }
   Assimp::Importer importer;
-  const aiScene* const scene = importer.ReadFile(file, 0);
+  const aiScene* const scene =
+      importer.ReadFileFromMemory(text.data(), text.size(), 0, ending.c_str() + 1);
   if (scene == nullptr)
     throw MeshError(fmt::format("cannot be read: {}; write it again", importer.GetErrorString()));
   std::vector<SpaceVector> points;

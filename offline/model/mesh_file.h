@@ -19,6 +19,9 @@ struct MeshError : std::runtime_error {
 /// Empty: there is none.
 std::string FindMesh(const std::string& named, const std::string& robot_file);
 
+/// The bytes of a file. @throws MeshError  where it cannot be read.
+std::string BytesOfMesh(const std::string& file);
+
 /// The corners of a mesh in its own frame, one after the other as its faces have them. They need
 /// not be finite.
 /// @throws MeshError  where it is neither STL nor OBJ, is too large, cannot be read or has no

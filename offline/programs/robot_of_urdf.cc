@@ -4,10 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <set>
 #include <string_view>
+#include <utility>
 
 #include "common/core/index.h"
 #include "common/files/toml_reader.h"
+#include "offline/model/mesh_file.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot_review.h"
 #include "offline/problem/motor_toml.h"
@@ -23,6 +27,8 @@ constexpr double kFromLimit = 0.02, kFromLimitPart = 0.1;
 
 /// Of pitches in tasks [rad]: far finer than their tolerances, and a robot that stands flat has 0.
 constexpr double kPitchUnit = 1e-3;
+/// How far a joint without limits may turn to either side.
+constexpr double kEndlessRange_rad = 10;
 
 /// Never a negative zero.
 double Rounded(double value, double unit) { return std::round(value / unit) * unit + 0.0; }
@@ -32,19 +38,26 @@ struct MovedJoint {
   std::string name, link;
   RobotJointLimits limits;
   double start = 0, end = 0, dry_friction_nm = 0;
+  bool slides = false;
 };
 
 MovedJoint Moved(const Robot& robot, std::size_t dof) {
   const Dof<Spatial>& from = robot.tree.dofs[dof];
   const RobotJoint& about = robot.joints[dof];
-  MovedJoint joint{from.name, about.link, about.limits, 0, 0, about.dry_friction_nm};
+  MovedJoint joint{from.name,
+                   about.link,
+                   about.limits,
+                   0,
+                   0,
+                   about.dry_friction_nm,
+                   from.kind == JointKind::kPrismatic};
   // A primitive holds no more.
   const double lower = std::max(joint.limits.lower_rad, -100.0);
   const double upper = std::min(joint.limits.upper_rad, 100.0);
   const double range = std::max(0.0, upper - lower);
   const double inside = std::min(kFromLimit, kFromLimitPart * range);
   joint.start = std::clamp(0.0, lower + inside, upper - inside);
-  const double most = from.kind == JointKind::kRevolute ? kBend_rad : kBend_m;
+  const double most = joint.slides ? kBend_m : kBend_rad;
   const double bend = std::min(most, kPartOfRange * range);
   joint.start = std::round(1e6 * joint.start) / 1e6;
   joint.end = joint.start + (joint.start + bend <= upper - inside ? bend : -bend);
@@ -73,6 +86,39 @@ class Writer {
       joints_.push_back(Moved(robot, j));
     for (const Dof<Spatial>& dof : robot.tree.dofs) mass_kg_ += dof.mass_kg;
     touches_ = review.touches;
+    for (const RobotShape& shape : robot.collision_shapes) {
+      has_meshes_ = has_meshes_ || shape.kind == RobotShape::Kind::kMesh;
+      if (!shape.mesh_file.empty()) mesh_files_.insert(shape.mesh_file);
+    }
+    for (const RobotShape& shape : robot.visual_shapes) {
+      if (!shape.mesh_file.empty()) mesh_files_.insert(shape.mesh_file);
+    }
+  }
+
+  /// The files of meshes that the URDF names from its own folder: its copy names them likewise.
+  /// Those beside that folder, or that cannot be read, are noted.
+  std::vector<NewFile> Meshes(const std::string& urdf_file) {
+    std::vector<NewFile> files;
+    std::vector<std::string> left;
+    for (const std::string& named : mesh_files_) {
+      const std::filesystem::path path(named);
+      if (path.is_absolute() || named.find("://") != std::string::npos) continue;
+      const std::string found = FindMesh(named, urdf_file);
+      if (found.empty()) continue;
+      const std::filesystem::path inside = path.lexically_normal();
+      if (*inside.begin() == "..") {
+        left.push_back(named);
+        continue;
+      }
+      files.push_back({inside.string(), BytesOfMesh(found)});
+    }
+    if (!left.empty()) {
+      Note(fmt::format(
+          "meshes that are not in the folder of {} are not found from the new one; name "
+          "them from there: {}",
+          urdf_file, fmt::join(left, ", ")));
+    }
+    return files;
   }
 
   /// Which of the robot's own shapes its tasks keep apart (`self_contact.shapes`).
@@ -86,6 +132,8 @@ class Writer {
   }
 
   [[nodiscard]] bool touches() const { return touches_; }
+  /// Whether a collision shape is a mesh.
+  [[nodiscard]] bool has_meshes() const { return has_meshes_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
   [[nodiscard]] std::vector<std::string> JointNames() const {
     std::vector<std::string> names;
@@ -130,7 +178,7 @@ control_points = 10       # per joint; the first and last three are fixed by res
 [limits]                  # position, velocity and torque limits are the URDF's unless tightened here
 acceleration_max_rad_s2 = 200.0
 # rotor_inertia_kg_m2 = 0.001
-{}
+{}{}
 [[cost]]                  # of all such motions, one that asks little of the motors
 term = "effort"
 weight = 1.0e-2
@@ -142,7 +190,7 @@ weight = 1.0e-2
                   "where that motion ends\npitch_rad = {}",
                   ExactDecimal(bend ? straight_rad_ : bent_rad_))
             : "",
-        Pose(bend), Pose(!bend), Motors());
+        Pose(bend), Pose(!bend), LimitsOfTurns(), Motors());
     if (planar()) text += Ground((bend ? 1 : -1) * (bent_rad_ - straight_rad_));
     if (!kept_apart_.empty()) {
       text += fmt::format(
@@ -162,6 +210,19 @@ refine = 3                # the best of them are solved ...
 [solver]
 max_evaluations = 60      # ... with so many evaluations each
 )";
+  }
+
+  /// Of joints that turn without end, which a drive's range does not.
+  [[nodiscard]] std::string LimitsOfTurns() const {
+    std::string text;
+    for (const MovedJoint& joint : joints_) {
+      if (std::isfinite(joint.limits.lower_rad) && std::isfinite(joint.limits.upper_rad)) continue;
+      text += fmt::format(
+          "\n[limits.{}]   # within the range of its drive\n"
+          "position_min_rad = -{:.1f}\nposition_max_rad = {:.1f}\n",
+          TomlKey(joint.name), kEndlessRange_rad, kEndlessRange_rad);
+    }
+    return text;
   }
 
   [[nodiscard]] std::string Sequence() const {
@@ -222,7 +283,9 @@ rate_hz = {1}             # of the control loop; the bus carries one frame to an
           std::max(reach(12.5, joint.limits.lower_rad), reach(12.5, joint.limits.upper_rad));
       const double torque = reach(18, std::min(joint.limits.effort_nm, 1000.0));
       // A quarter of a radian off asks for the whole torque, or the usual gain does.
-      const double kp = std::max(100.0, Rounded(4 * std::min(joint.limits.effort_nm, 1000.0), 10));
+      // (of a slide: 0.1 m).
+      const double stiff = (joint.slides ? 10 : 4) * std::min(joint.limits.effort_nm, 1000.0);
+      const double kp = std::max(100.0, Rounded(stiff, 10));
       text += fmt::format(
           R"(
 [[drive]]
@@ -397,6 +460,8 @@ normal = [0.0, 1.0]
   LockedJoints locked_;
   std::vector<MovedJoint> joints_;
   std::vector<std::string> notes_;
+  std::set<std::string> mesh_files_;  ///< As the URDF names them.
+  bool has_meshes_ = false;           ///< In contact, were they asked for.
   double mass_kg_ = 0, straight_rad_ = 0, bent_rad_ = 0;
   bool touches_ = false;
   std::string_view kept_apart_;
@@ -453,7 +518,9 @@ Writer WriterOf(const std::string& name, const std::string& urdf, const std::str
         MakeTasks(planar, urdf, urdf_file);
         return planar;
       }
-      why = "it has no collision shape to stand on";
+      why = planar.has_meshes() ? "its collision shapes are meshes, with which it touches nothing "
+                                  "unless its tasks say contact.meshes = \"points\""
+                                : "it has no collision shape to stand on";
     } catch (const FileError& error) {
       if (root) throw;
       why = error.what();
@@ -470,16 +537,16 @@ Writer WriterOf(const std::string& name, const std::string& urdf, const std::str
 
 FilesOfUrdf NewRobotOfUrdf(const std::string& name, const std::string& urdf,
                            const std::string& urdf_file, std::optional<RootKind> root) {
-  const Writer writer = WriterOf(name, urdf, urdf_file, root);
-  return {{{name + ".urdf", urdf},
-           {"tasks/bend.toml", writer.Task(true)},
-           {"tasks/unbend.toml", writer.Task(false)},
-           {name + ".toml", writer.Sequence()},
-           {"drives.toml", writer.Drives()},
-           {"twin.toml", writer.Twin()},
-           {"README.md", writer.Readme()}},
-          writer.JointNames(),
-          writer.notes()};
+  Writer writer = WriterOf(name, urdf, urdf_file, root);
+  std::vector<NewFile> files = {{name + ".urdf", urdf},
+                                {"tasks/bend.toml", writer.Task(true)},
+                                {"tasks/unbend.toml", writer.Task(false)},
+                                {name + ".toml", writer.Sequence()},
+                                {"drives.toml", writer.Drives()},
+                                {"twin.toml", writer.Twin()}};
+  for (NewFile& mesh : writer.Meshes(urdf_file)) files.push_back(std::move(mesh));
+  files.push_back({"README.md", writer.Readme()});
+  return {std::move(files), writer.JointNames(), writer.notes()};
 }
 
 }  // namespace tumbler

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "common/core/cycle_end.h"
 #include "common/files/command_line.h"
 #include "common/files/program.h"
 
@@ -318,6 +319,9 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
         "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
         options.motion));
   }
+  if (options.virtual_time() && options.branch.empty() && !options.ended_by_record &&
+      !CanEnd(graph))
+    throw std::runtime_error(fmt::format("{} {}", options.motion, kGoesRoundForEver));
 }
 
 }  // namespace tumbler

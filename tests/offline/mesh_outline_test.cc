@@ -89,6 +89,20 @@ TEST_F(Meshes, ThatAreNoneOrFlatOrCannotBeReadHaveNoOutline) {
   }
 }
 
+TEST_F(Meshes, AreReadAsAWholeOrNotAtAll) {
+  // What reads them leaves out corners without a digit before the point, and takes a file that is
+  // cut off between faces for a whole one.
+  const std::string obj = folder_ / "bare.obj", stl = folder_ / "cut.stl";
+  testing::WriteFile(obj, testing::Replaced(kObj, "v 0 0 1\n", "v 0 -.0 1\nv 0 .5 -.5\n") +
+                              std::string("mtllib none.mtl\nf -1 -2 -3\n"));
+  double lowest = 0;
+  for (const SpaceVector& corner : ReadMesh(obj)) lowest = std::min(lowest, corner.z());
+  EXPECT_EQ(lowest, -0.5);
+  testing::WriteFile(stl, testing::Replaced(kStl, "endsolid s\n", ""));
+  EXPECT_THAT([&] { ReadMesh(stl); },
+              ::testing::ThrowsMessage<MeshError>(::testing::HasSubstr("has no 'endsolid'")));
+}
+
 TEST_F(Meshes, OfManyCornersKeepThoseThatCount) {
   std::string obj;
   for (int i = 0; i < 1000; ++i) {

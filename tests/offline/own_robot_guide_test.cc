@@ -174,6 +174,72 @@ TEST(TumblerNew, FixesARobotThatDoesNotRestOnTheGroundAndRefusesOneThatNoTaskTak
   EXPECT_FALSE(std::filesystem::exists(folder / "weak"));
 }
 
+TEST(TumblerNew, TakesMeshesWithTheRobotAndKeepsEndlessJointsWithinTheirDrives) {
+  const testing::TemporaryFolder folder;
+  std::string urdf = ReadFile(SourcePath("tests/data/robots/sweeper.urdf"));
+  urdf = testing::Replaced(urdf, "<joint name=\"elbow\" type=\"revolute\">",
+                           "<joint name=\"elbow\" type=\"continuous\">");
+  urdf = testing::Replaced(urdf, "<link name=\"fore\">",
+                           "<link name=\"fore\"><visual><geometry><mesh "
+                           "filename=\"meshes/arm.stl\"/></geometry></visual>");
+  testing::WriteFile(folder / "robot.urdf", urdf);
+  std::filesystem::create_directories(folder.path() / "meshes");
+  testing::WriteFile(folder / "meshes/arm.stl", "solid arm");
+  const Outcome made = In(folder / "", "tumbler new robot --urdf robot.urdf");
+  ASSERT_EQ(made.exit_code, 0) << made.text;
+  EXPECT_EQ(ReadFile(folder / "robot/meshes/arm.stl"), "solid arm");
+  EXPECT_THAT(ReadFile(folder / "robot/tasks/bend.toml"),
+              HasSubstr("[limits.elbow]   # within the range of its drive\n"
+                        "position_min_rad = -10.0\nposition_max_rad = 10.0\n"));
+  const Outcome moved =
+      In(folder / "robot",
+         "set -e\n"
+         "tumbler optimize tasks/bend.toml --out motions/bend.toml\n"
+         "tumbler optimize tasks/unbend.toml --start-from motions/bend.toml --out "
+         "motions/unbend.toml\n"
+         "tumbler run sim robot.toml --cycles 1 --twin twin.toml\n");
+  EXPECT_EQ(moved.exit_code, 0) << moved.text;
+}
+
+TEST(OwnRobot, OfWhichNoWindowCanBeLookedForKeepsItsMotion) {
+  // It stands on one ball, and tips over as it moves.
+  const testing::TemporaryFolder folder;
+  testing::WriteFile(folder / "tip.urdf",
+                     R"(<robot name="tip">
+<link name="base"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+<inertia ixx="0.003" iyy="0.003" izz="0.003" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><sphere radius="0.02"/></geometry></collision></link>
+<link name="a"><inertial><mass value="0.5"/>
+<inertia ixx="0.003" iyy="0.003" izz="0.003" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="spin" type="revolute"><parent link="base"/><child link="a"/><origin xyz="0 0 0.2"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="50" velocity="5"/></joint></robot>)");
+  ASSERT_EQ(In(folder / "", "tumbler new tip --urdf tip.urdf").exit_code, 0);
+  const Outcome found =
+      In(folder / "tip", "tumbler optimize tasks/bend.toml --out bend.toml --window");
+  EXPECT_EQ(found.exit_code, 4) << found.text;
+  EXPECT_THAT(found.text, HasSubstr("no window was found: primitive: 'bend' ends with its root in "
+                                    "motion"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "tip/bend.toml"));
+}
+
+TEST(EndlessSequence, IsRefusedWhereItWouldBePlayed) {
+  const testing::TemporaryFolder folder;
+  for (const char* motion : {"handstand", "downstand", "roll"}) {
+    testing::WriteFile(folder / (std::string(motion) + ".toml"),
+                       ReadFile(SourcePath(std::string("primitives/nominal/") + motion + ".toml")));
+  }
+  testing::WriteFile(folder / "gait.toml",
+                     testing::ReplacedAll(ReadFile(SourcePath("primitives/nominal/gait.toml")),
+                                          "ends_cycle = true", "ends_cycle = false"));
+  for (const char* command : {"tumbler run sim gait.toml --cycles 2",
+                              "tumbler robustness gait.toml --cycles 1 --robots 1"}) {
+    const Outcome outcome = In(folder / "", command);
+    EXPECT_EQ(outcome.exit_code, 1) << command;
+    EXPECT_THAT(outcome.text, HasSubstr("gait.toml goes round for ever: no node on its way ends a "
+                                        "cycle"));
+  }
+}
+
 TEST(TumblerNew, ReplacesNothingAndLeavesNothingBehind) {
   const testing::TemporaryFolder folder;
   std::filesystem::create_directory(folder / "taken");
