@@ -44,7 +44,7 @@ constexpr const char* kExitCodes =
   0    found
   1    wrong usage, or a file that cannot be used or written: nothing was written
   2    no motion was found (of one of the tasks) that keeps the limits and reaches the targets of its cost
-  4    found, but with --window: through its drives the model is not as asked, so that there is no window
+  4    found, but with --window: there is none, for a reason that is said; all else is written
   130  interrupted)";
 
 namespace fs = std::filesystem;

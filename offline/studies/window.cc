@@ -276,14 +276,21 @@ WindowResult FindWindows(const PrimitiveFile& file, int threads) {
   RobustnessStudy study;
   study.motion = (folder.path() / "motion.toml").string();
   WriteResult(study.motion, ToToml(file));
+  // Not with the name of a file that nobody knows.
+  const auto without_file = [&study](std::string text) {
+    const std::string name = study.motion + ": ";
+    for (std::size_t at = text.find(name); at != std::string::npos; at = text.find(name))
+      text.erase(at, name.size());
+    return text;
+  };
   try {
-    return FindWindows(study, threads, WindowScan{});
+    WindowResult result = FindWindows(study, threads, WindowScan{});
+    result.not_in_lanes = without_file(result.not_in_lanes);
+    return result;
   } catch (const Refused& error) {
-    // Not with the name of a file that nobody knows.
-    std::string why = error.what();
-    if (const std::string name = study.motion + ": "; why.starts_with(name))
-      why.erase(0, name.size());
-    throw Refused(why);
+    throw Refused(without_file(error.what()));
+  } catch (const FileError& error) {
+    throw Refused(without_file(error.what()));
   }
 }
 

@@ -82,7 +82,8 @@ struct WindowScan {
 WindowResult FindWindows(const RobustnessStudy& study, int threads, const WindowScan& scan = {});
 
 /// The same of a motion that is in no file yet, held as long as by default, with default drives.
-/// @throws as above, and std::runtime_error  when a temporary file cannot be written.
+/// @throws Refused  as above, and where the motion is none that can be played by itself; and
+/// std::runtime_error  when a temporary file cannot be written.
 WindowResult FindWindows(const PrimitiveFile& file, int threads);
 
 /// The windows as a primitive's file has them. @throws FileError  when the drives file cannot be
