@@ -82,9 +82,10 @@ class Writer {
     const auto turned = fmt::format("axisangle=\"0 -1 0 {:.17g}\"", shape.rotation.angle());
     switch (shape.kind()) {
       case ShapeKind::kSphere:
-        if (!obstacle)
+        if (!obstacle) {
           return fmt::format("type=\"sphere\" {} size=\"{:.17g}\"", at,
                              MjcfText::SphereSize(shape.radius_m));
+        }
         return fmt::format(
             "type=\"cylinder\" {} size=\"{:.17g} {:.17g}\" axisangle=\"1 0 0 {:.17g}\"", at,
             shape.radius_m, half_depth_m, std::numbers::pi / 2);

@@ -1,6 +1,7 @@
 // Meshes in contact: the corners of their convex hulls, in the plane and in space.
 
 #include <gmock/gmock-matchers.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <fmt/format.h>

@@ -1,6 +1,7 @@
 // A new robot moves by the commands of docs/own-robot.md, and its files are usable with any number
 // of motors.
 
+#include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
@@ -129,8 +130,8 @@ TEST(TumblerNew, TheCommandsThatItPrintsMoveARobotThatRestsTilted) {
   // Its front feet reach 0.11 m lower than its hind ones, 0.3 m behind them.
   std::string urdf = ReadFile(SourcePath("tests/data/robots/sweeper.urdf"));
   for (const char* side : {"0.1", "-0.1"}) {
-    const std::string foot = std::string("xyz=\"0.15 ") + side;
-    urdf = testing::Replaced(urdf, foot + " 0.02\"", foot + " -0.09\"");
+    urdf = testing::Replaced(urdf, fmt::format("xyz=\"0.15 {} 0.02\"", side),
+                             fmt::format("xyz=\"0.15 {} -0.09\"", side));
   }
   testing::WriteFile(folder / "tilted.urdf", urdf);
   const Outcome made = In(folder / "", "tumbler new tilted --urdf tilted.urdf");
