@@ -7,11 +7,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
+#include <iterator>
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <utility>
 
 #ifdef TUMBLER_WITH_ASSIMP
 #include <assimp/scene.h>
@@ -93,10 +92,9 @@ std::string FindMesh(const std::string& named, const std::string& robot_file) {
 
 std::string BytesOfMesh(const std::string& file) {
   std::ifstream stream(file, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << stream.rdbuf();
-  if (!stream || !bytes) throw MeshError("cannot be read; look at its permissions");
-  return std::move(bytes).str();
+  std::string bytes(std::istreambuf_iterator<char>(stream), {});
+  if (!stream.is_open() || stream.bad()) throw MeshError("cannot be read; look at its permissions");
+  return bytes;
 }
 
 std::vector<SpaceVector> ReadMesh(const std::string& file) {
@@ -114,6 +112,7 @@ std::vector<SpaceVector> ReadMesh(const std::string& file) {
                                 size >> 20U, kLargestMesh >> 20U));
   }
   std::string text = BytesOfMesh(file);
+  if (text.empty()) throw MeshError("is empty; write it again");
   if (ending == ".stl") {
     CheckWholeStl(text);
   } else {
