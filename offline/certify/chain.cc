@@ -17,8 +17,8 @@
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
+#include "common/files/planned_passages.h"
 #include "common/files/toml_reader.h"
-#include "offline/certify/planned_passages.h"
 #include "offline/problem/purpose_gauge.h"
 #include "offline/problem/task_frame.h"
 #include "offline/scene/even_steps.h"

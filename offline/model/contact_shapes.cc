@@ -89,8 +89,7 @@ ContactShapes<Space> ConvertAll(const Robot& robot, const Convert& convert) {
       if (shape.body < 0) throw Unusable("is fixed to the world");
       out.shapes.push_back({shape.name, shape.body, convert(shape)});
     } catch (const Unusable& why) {
-      out.ignored.push_back({shape.link, shape.line,
-                             fmt::format("collision shape {} {}", shape.name, why.what()),
+      out.ignored.push_back({shape.link, shape.name, shape.line, why.what(),
                              shape.kind == RobotShape::Kind::kMesh && shape.body >= 0});
     }
   }

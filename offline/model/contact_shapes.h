@@ -20,10 +20,10 @@ inline constexpr double kPlaneTolerance = 1e-6;
 
 /// A collision shape of the file that the contact model does not use, and the reason.
 struct IgnoredShape {
-  std::string link;
+  std::string link, shape;  ///< The shape: `LINK/INDEX`.
   std::uint32_t line = 0;
-  std::string reason;
-  bool mesh = false;  ///< Whether points could take its place (WithMeshPoints).
+  std::string reason;  ///< What follows its name in a sentence.
+  bool mesh = false;   ///< Whether points could take its place (WithMeshPoints).
 };
 
 /// The collision shapes of a robot for the contact model.

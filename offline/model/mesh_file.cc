@@ -25,14 +25,13 @@ namespace {
 constexpr std::uintmax_t kLargestMesh = 256U << 20U;
 
 #ifdef TUMBLER_WITH_ASSIMP
-/// assimp takes the faces of a text STL that is cut off between two of them for all that it has.
+/// assimp takes the faces of a text STL that is cut off between two of them for all that it has. (A
+/// binary one may begin with the same word.)
 void CheckWholeStl(const std::string& text) {
   constexpr std::size_t kHead = 84, kFace = 50;  // of a binary one, in bytes
-  const bool binary = text.size() >= kHead && (text.size() - kHead) % kFace == 0 &&
-                      text.find("endsolid") == std::string::npos;
-  if (binary || !text.starts_with("solid")) return;
-  if (text.find("endsolid") == std::string::npos)
-    throw MeshError("is cut off: it has no 'endsolid'; write it again");
+  if (!text.starts_with("solid") || text.find("endsolid") != std::string::npos) return;
+  if (text.size() >= kHead && (text.size() - kHead) % kFace == 0) return;
+  throw MeshError("is cut off: it has no 'endsolid'; write it again");
 }
 
 /// The text of an OBJ for assimp, which leaves out corners whose coordinates have no digit before

@@ -57,13 +57,11 @@ std::vector<RobotFinding> NotesOf(const UrdfSource& source) {
 std::vector<RobotFinding> NotesOf(const std::vector<IgnoredShape>& ignored) {
   std::vector<NamedNote> notes;
   for (const IgnoredShape& shape : ignored) {
-    // The reason is `collision shape LINK/INDEX is a mesh`.
-    const std::size_t link = shape.reason.find(shape.link + '/');
-    const std::size_t end = shape.reason.find(' ', link + shape.link.size());
     notes.push_back(
-        {{shape.line, fmt::format("link '{}'", shape.link), shape.reason + ": contact ignores it"},
-         shape.reason.substr(end),
-         shape.reason.substr(link, end - link)});
+        {{shape.line, fmt::format("link '{}'", shape.link),
+          fmt::format("collision shape {} {}: contact ignores it", shape.shape, shape.reason)},
+         shape.reason,
+         shape.shape});
   }
   return OneOfEachKind(notes);
 }

@@ -291,11 +291,10 @@ RobotOfTask ReadRobot(TomlTable& root, const std::string& text, const std::strin
   return of;
 }
 
-Task Parse(const std::string& task_text, const std::string& task_name,
-           const std::string& robot_text, const std::string& robot_name,
-           std::optional<StartPose> given, TaskSpaces takes) {
-  TomlTable root = TomlTable::Parse(task_text, task_name);
-  RobotOfTask of = ReadRobot(root, robot_text, robot_name, given && given->own);
+/// Reads the rest of a task, of which the robot was read.
+Task ReadRest(TomlTable root, RobotOfTask of, const std::string& task_text,
+              const std::string& task_name, const std::string& robot_text,
+              const std::string& robot_name, std::optional<StartPose> given, TaskSpaces takes) {
   Task task;
   if (of.named.root == RootKind::kFloating) {
     if (takes == TaskSpaces::kPlane && given) {
@@ -334,6 +333,15 @@ Task Parse(const std::string& task_text, const std::string& task_name,
   task.robot_as_given = robot_text;
   task.meshes = std::move(of.text.meshes);
   return task;
+}
+
+Task Parse(const std::string& task_text, const std::string& task_name,
+           const std::string& robot_text, const std::string& robot_name,
+           std::optional<StartPose> given, TaskSpaces takes) {
+  TomlTable root = TomlTable::Parse(task_text, task_name);
+  RobotOfTask of = ReadRobot(root, robot_text, robot_name, given && given->own);
+  return ReadRest(std::move(root), std::move(of), task_text, task_name, robot_text, robot_name,
+                  std::move(given), takes);
 }
 
 /// The path of the URDF that a task names, relative to the task's folder.
@@ -423,14 +431,15 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name,
                const PrimitiveFile& before, const std::string& before_path) {
   TomlTable root = TomlTable::Parse(task_text, task_name);
-  if (ReadRobot(root, robot_text, robot_name, false).text.urdf != before.provenance.robot_urdf) {
+  RobotOfTask of = ReadRobot(root, robot_text, robot_name, false);
+  if (of.text.urdf != before.provenance.robot_urdf) {
     throw FileError(before_path, 0, "provenance.robot_urdf",
                     fmt::format("is not the robot of the task {}, {}: an exit of another robot is "
                                 "no start; make the primitive again with that robot",
                                 task_name, robot_name));
   }
-  Task task = Parse(
-      task_text, task_name, robot_text, robot_name,
+  Task task = ReadRest(
+      std::move(root), std::move(of), task_text, task_name, robot_text, robot_name,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)},
       TaskSpaces::kPlaneAndSpace);

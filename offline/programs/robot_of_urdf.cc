@@ -86,17 +86,16 @@ class Writer {
       joints_.push_back(Moved(robot, j));
     for (const Dof<Spatial>& dof : robot.tree.dofs) mass_kg_ += dof.mass_kg;
     touches_ = review.touches;
-    for (const RobotShape& shape : robot.collision_shapes) {
-      has_meshes_ = has_meshes_ || shape.kind == RobotShape::Kind::kMesh;
-      if (!shape.mesh_file.empty()) mesh_files_.insert(shape.mesh_file);
-    }
-    for (const RobotShape& shape : robot.visual_shapes) {
-      if (!shape.mesh_file.empty()) mesh_files_.insert(shape.mesh_file);
+    has_meshes_ = std::ranges::any_of(review.ignored_shapes, &IgnoredShape::mesh);
+    for (const auto* const shapes : {&robot.collision_shapes, &robot.visual_shapes}) {
+      for (const RobotShape& shape : *shapes) {
+        if (!shape.mesh_file.empty()) mesh_files_.insert(shape.mesh_file);
+      }
     }
   }
 
   /// The files of meshes that the URDF names from its own folder: its copy names them likewise.
-  /// Those beside that folder, or that cannot be read, are noted.
+  /// Those beside that folder, and those that cannot be read, are noted.
   std::vector<NewFile> Meshes(const std::string& urdf_file) {
     std::vector<NewFile> files;
     std::vector<std::string> left;
@@ -104,19 +103,22 @@ class Writer {
       const std::filesystem::path path(named);
       if (path.is_absolute() || named.find("://") != std::string::npos) continue;
       const std::string found = FindMesh(named, urdf_file);
-      if (found.empty()) continue;
       const std::filesystem::path inside = path.lexically_normal();
-      if (*inside.begin() == "..") {
+      if (found.empty() || *inside.begin() == "..") {
         left.push_back(named);
         continue;
       }
-      files.push_back({inside.string(), BytesOfMesh(found)});
+      try {
+        files.push_back({inside.string(), BytesOfMesh(found)});
+      } catch (const MeshError&) {
+        left.push_back(named);
+      }
     }
     if (!left.empty()) {
-      Note(fmt::format(
-          "meshes that are not in the folder of {} are not found from the new one; name "
-          "them from there: {}",
-          urdf_file, fmt::join(left, ", ")));
+      Note(
+          fmt::format("meshes that cannot be read in the folder of {} are not copied, and not "
+                      "found from the new one: {}",
+                      urdf_file, fmt::join(left, ", ")));
     }
     return files;
   }
@@ -282,8 +284,8 @@ rate_hz = {1}             # of the control loop; the bus carries one frame to an
       const double position =
           std::max(reach(12.5, joint.limits.lower_rad), reach(12.5, joint.limits.upper_rad));
       const double torque = reach(18, std::min(joint.limits.effort_nm, 1000.0));
-      // A quarter of a radian off asks for the whole torque, or the usual gain does.
-      // (of a slide: 0.1 m).
+      // A quarter of a radian off (a slide: 0.1 m) asks for the whole torque, or the usual gain
+      // does.
       const double stiff = (joint.slides ? 10 : 4) * std::min(joint.limits.effort_nm, 1000.0);
       const double kp = std::max(100.0, Rounded(stiff, 10));
       text += fmt::format(

@@ -8,7 +8,7 @@
 
 #include "common/core/index.h"
 #include "common/files/csv_field.h"
-#include "offline/certify/planned_passages.h"
+#include "common/files/planned_passages.h"
 
 namespace tumbler {
 namespace {

@@ -13,9 +13,9 @@
 #include <thread>
 #include <vector>
 
-#include "common/core/cycle_end.h"
 #include "common/core/index.h"
 #include "common/files/command_line.h"
+#include "common/files/planned_passages.h"
 #include "common/files/program.h"
 #include "common/files/progress_line.h"
 #include "common/files/result_file.h"
@@ -162,9 +162,8 @@ void CheckWay(const Arguments& arguments, const SequenceFile& motion) {
                      fmt::format("is for sequences that go round; {} ends by itself", name));
   } else if (motion.graph.edge_count > 0 && arguments.study.run.cycles == 0) {
     throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", name));
-  } else if (!CanEnd(motion.graph)) {
-    throw UsageError("--cycles", fmt::format("{} {}", name, kGoesRoundForEver));
   }
+  RequireEnd(motion, arguments.study.run.cycles, arguments.branch);
 }
 
 /// Checks what is asked for against the motion and the files.

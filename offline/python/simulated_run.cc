@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/core/cycle_end.h"
+#include "common/files/planned_passages.h"
 #include "common/files/program.h"
 #include "common/files/say_to_operator.h"
 #include "common/files/sequence_toml.h"
@@ -98,8 +98,7 @@ int BranchOf(const SequenceFile& motion, const std::string& path, const std::str
   }
   if (graph.edge_count > 0 && cycles == 0)
     throw std::invalid_argument(fmt::format("cycles: {} goes on for ever; say how many", path));
-  if (!CanEnd(graph))
-    throw std::invalid_argument(fmt::format("cycles: {} {}", path, kGoesRoundForEver));
+  RequireEnd(motion, cycles, branch);
   return -1;
 }
 

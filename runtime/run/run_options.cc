@@ -10,8 +10,8 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "common/core/cycle_end.h"
 #include "common/files/command_line.h"
+#include "common/files/planned_passages.h"
 #include "common/files/program.h"
 
 namespace tumbler {
@@ -275,7 +275,8 @@ RunOptions ReadRunOptions(int argc, char** argv) {
   return options;
 }
 
-void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) {
+void CheckOptions(const RunOptions& options, const SequenceFile& file) {
+  const SequenceGraph<double>& graph = file.graph;
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
@@ -319,9 +320,8 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
         "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
         options.motion));
   }
-  if (options.virtual_time() && options.branch.empty() && !options.ended_by_record &&
-      !CanEnd(graph))
-    throw std::runtime_error(fmt::format("{} {}", options.motion, kGoesRoundForEver));
+  if (options.virtual_time() && !options.ended_by_record)
+    RequireEnd(file, options.cycles, options.branch);
 }
 
 }  // namespace tumbler

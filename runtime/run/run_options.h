@@ -98,7 +98,7 @@ void TakeArming(const CommandLine& line, const ArmingNames& names, RunOptions& o
 [[nodiscard]] RunOptions ReadRunOptions(int argc, char** argv);
 
 /// Checks that the options suit each other and this motion.
-/// @throws std::runtime_error saying what to change.
-void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph);
+/// @throws std::runtime_error saying what to change; FileError  when it would be played for ever.
+void CheckOptions(const RunOptions& options, const SequenceFile& file);
 
 }  // namespace tumbler

@@ -120,7 +120,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   fmt::print(stderr, "{}", EditNotes(options.motion, parts.file.primitives));
   if (simulation != nullptr && options.drives.empty() && !options.twin.empty())
     options.drives = simulation->drives_file_of(options.twin);
-  CheckOptions(options, parts.sequence->graph);
+  CheckOptions(options, parts.file);
   try {
     parts.drives =
         LoadDrivesOf(JointsOf(parts.file), options.drives, read_drives, GainsOf(parts.file));

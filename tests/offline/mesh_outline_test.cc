@@ -4,6 +4,7 @@
 
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <filesystem>
@@ -90,11 +91,12 @@ TEST_F(Meshes, ThatAreNoneOrFlatOrCannotBeReadHaveNoOutline) {
 }
 
 TEST_F(Meshes, AreReadAsAWholeOrNotAtAll) {
-  // What reads them leaves out corners without a digit before the point, and takes a file that is
-  // cut off between faces for a whole one.
+  // What reads them leaves out corners without a digit before the point, takes a file that is cut
+  // off between faces for a whole one, and waits for a file of colours that may be a pipe.
   const std::string obj = folder_ / "bare.obj", stl = folder_ / "cut.stl";
+  ASSERT_EQ(mkfifo((folder_ / "colours.mtl").c_str(), 0600), 0);
   testing::WriteFile(obj, testing::Replaced(kObj, "v 0 0 1\n", "v 0 -.0 1\nv 0 .5 -.5\n") +
-                              std::string("mtllib none.mtl\nf -1 -2 -3\n"));
+                              std::string("mtllib colours.mtl\nf -1 -2 -3\n"));
   double lowest = 0;
   for (const SpaceVector& corner : ReadMesh(obj)) lowest = std::min(lowest, corner.z());
   EXPECT_EQ(lowest, -0.5);

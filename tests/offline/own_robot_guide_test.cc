@@ -236,8 +236,8 @@ TEST(EndlessSequence, IsRefusedWhereItWouldBePlayed) {
                               "tumbler robustness gait.toml --cycles 1 --robots 1"}) {
     const Outcome outcome = In(folder / "", command);
     EXPECT_EQ(outcome.exit_code, 1) << command;
-    EXPECT_THAT(outcome.text, HasSubstr("gait.toml goes round for ever: no node on its way ends a "
-                                        "cycle"));
+    EXPECT_THAT(outcome.text, ::testing::ContainsRegex("gait.toml:[0-9]+: node\\[[0-9]\\]: "));
+    EXPECT_THAT(outcome.text, HasSubstr("goes round for ever"));
   }
 }
 

@@ -143,7 +143,8 @@ TEST(PlanarRobot, ShapesThatContactDoesNotUseAreListedWithTheirLine) {
   EXPECT_EQ(robot.ignored_shapes[0].link, "middle");
   EXPECT_EQ(robot.ignored_shapes[0].line,
             static_cast<std::uint32_t>(LineOf(text, "<link name=\"middle\"")));
-  EXPECT_EQ(robot.ignored_shapes[0].reason, "collision shape middle/0 is a mesh");
+  EXPECT_EQ(robot.ignored_shapes[0].shape, "middle/0");
+  EXPECT_EQ(robot.ignored_shapes[0].reason, "is a mesh");
 }
 
 TEST(PlanarRobot, LinksThatPassThroughTheGroundAreNamed) {
@@ -205,8 +206,10 @@ TEST(PlanarRobot, ContactSeesTheOutlinesOfCollisionShapesInThePlane) {
   EXPECT_NEAR(std::min(sides.x(), sides.y()), 0.1, 1e-12) << "what was along x is along y now";
   EXPECT_NEAR(std::max(sides.x(), sides.y()), 0.3, 1e-12);
   ASSERT_EQ(robot.ignored_shapes.size(), 2U);
-  EXPECT_THAT(robot.ignored_shapes[0].reason, HasSubstr("base/6 is a cylinder shorter than wide"));
-  EXPECT_THAT(robot.ignored_shapes[1].reason, HasSubstr("base/7 is a box without a side along y"));
+  EXPECT_EQ(robot.ignored_shapes[0].shape, "base/6");
+  EXPECT_THAT(robot.ignored_shapes[0].reason, HasSubstr("is a cylinder shorter than wide"));
+  EXPECT_EQ(robot.ignored_shapes[1].shape, "base/7");
+  EXPECT_THAT(robot.ignored_shapes[1].reason, HasSubstr("is a box without a side along y"));
 }
 
 TEST(PlanarRobot, AJointThatMovesNoMassIsRefusedButAMasslessLinkBetweenIsNot) {

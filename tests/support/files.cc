@@ -80,21 +80,14 @@ std::span<const std::uint8_t> AsBytes(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-TemporaryFolder::TemporaryFolder() {
-  std::string pattern = (std::filesystem::temp_directory_path() / "tumbler_test_XXXXXX").string();
-  if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
-  path_ = pattern;
-}
-TemporaryFolder::~TemporaryFolder() { std::filesystem::remove_all(path_); }
-
 std::string TemporaryFolder::operator/(const std::string& name) const {
-  return (path_ / name).string();
+  return (path() / name).string();
 }
 
 std::set<std::string> TemporaryFolder::Listing() const {
   std::set<std::string> names;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(path_)) {
-    names.insert(std::filesystem::relative(entry.path(), path_).string());
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(path())) {
+    names.insert(std::filesystem::relative(entry.path(), path()).string());
   }
   return names;
 }

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "common/files/temporary_folder.h"
+
 namespace tumbler::testing {
 
 /// Path of a file of the project, such as `primitives/gait.toml`.
@@ -38,21 +40,12 @@ void WriteFile(const std::filesystem::path& path, const std::string& text);
 /// The bytes of a text, for readers of binary data. They live as long as the text.
 [[nodiscard]] std::span<const std::uint8_t> AsBytes(const std::string& text);
 
-/// A new empty folder, which is removed at the end of the scope.
-class TemporaryFolder {
+/// The product's, with names of what is in it.
+class TemporaryFolder : public tumbler::TemporaryFolder {
  public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] std::string operator/(const std::string& name) const;
   /// Every file and folder in it, as paths relative to it.
   [[nodiscard]] std::set<std::string> Listing() const;
-
- private:
-  std::filesystem::path path_;
 };
 
 }  // namespace tumbler::testing

@@ -1,7 +1,8 @@
-#include "offline/certify/planned_passages.h"
+#include "common/files/planned_passages.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "common/core/index.h"
@@ -38,6 +39,10 @@ std::vector<PlannedPassage> PlannedPassages(const SequenceFile& file, int cycles
     branched = branched || graph.edge(edge).when == EdgeCondition::kBranch;
     node = graph.edge(edge).to;
   }
+}
+
+void RequireEnd(const SequenceFile& file, int cycles, const std::string& branch) {
+  static_cast<void>(PlannedPassages(file, std::min(cycles, 1), branch));
 }
 
 }  // namespace tumbler

@@ -21,4 +21,8 @@ struct PlannedPassage {
 std::vector<PlannedPassage> PlannedPassages(const SequenceFile& file, int cycles,
                                             const std::string& branch);
 
+/// Checks that there is such a branch, and that the plan ends: after any number of cycles, where it
+/// does after one. @throws as PlannedPassages.
+void RequireEnd(const SequenceFile& file, int cycles, const std::string& branch);
+
 }  // namespace tumbler
