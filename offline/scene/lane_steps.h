@@ -116,12 +116,14 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   // and the current loop do lags by their constants.
   std::array<S, LaneModel::kMaxJoints> share, followed;
   bool plain = steps.law_every == 1;
-  for (std::size_t j = 0; j < joints; ++j) {
-    const S between(h_s * steps.law_every), filter = lanes(robot.joints[j].velocity_filter),
-                                            lag = lanes(robot.joints[j].torque_lag);
-    share[j] = between / (filter + between);
-    followed[j] = between / (lag + between);
-    plain = plain && !Any((S(0) < filter) | (S(0) < lag));
+  for (std::size_t j = 0; plain && j < joints; ++j) {
+    const LaneJoint<P>& joint = robot.joints[j];
+    plain = !Any((S(0) < lanes(joint.velocity_filter)) | (S(0) < lanes(joint.torque_lag)));
+  }
+  for (std::size_t j = 0; !plain && j < joints; ++j) {
+    const S between(h_s * steps.law_every);
+    share[j] = between / (lanes(robot.joints[j].velocity_filter) + between);
+    followed[j] = between / (lanes(robot.joints[j].torque_lag) + between);
   }
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
     const LaneSetpoint<P>* const now = setpoints.data() + k;

@@ -4,6 +4,10 @@
 #include <bit>
 #include <cstddef>
 
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
+
 #include "common/core/scalar.h"
 #include "common/core/sine_cosine.h"
 #include "offline/scene/packet.h"
@@ -34,6 +38,12 @@ struct NativeVector<8> {
 /// Whether any of a vector's integers, of which all bits are set or none, is not zero.
 template <class Bits>
 [[gnu::always_inline]] inline bool AnySet(const Bits& bits) {
+#if defined(__AVX512F__)
+  if constexpr (sizeof(Bits) == 64) {
+    const auto all = std::bit_cast<__m512i>(bits);
+    return _mm512_test_epi64_mask(all, all) != 0;
+  }
+#endif
 #if defined(__AVX__)
   if constexpr (sizeof(Bits) == 32)
     return __builtin_ia32_movmskpd256(std::bit_cast<NativeVector<4>::Numbers>(bits)) != 0;

@@ -34,10 +34,10 @@ struct Judged {
 
   /// Shows the judges the robot's state at a tick.
   /// @param next  the tick in which they look again.
-  void Look(const LaneState<Packet>& state, std::size_t lane, std::size_t k, std::size_t next,
-            const Script& script, const TickRecord& record) {
+  void Look(const LaneState<Packet>& state, std::size_t lane, std::int64_t time_ns, std::size_t k,
+            std::size_t next, const Script& script, const TickRecord& record) {
     Take(state, lane);
-    truth.time_ns = std::llround(1e9 * script.tick_s * static_cast<double>(k));
+    truth.time_ns = time_ns;
     truth.held = script.ticks[k].held;
     truth.self_overlap_m = std::max(0.0, -distances.Nearest(q, 1e-3).distance_m);
     purpose.Observe(record, truth.time_ns, truth);
@@ -215,10 +215,11 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
     record.state = tick.state;
     record.node = tick.node;
     record.primitive_time_s = tick.primitive_time_s;
+    const std::int64_t time_ns = std::llround(1e9 * script.tick_s * static_cast<double>(k));
     bool any = false;
     for (std::size_t lane = 0; lane < judged.size(); ++lane) {
       if (judged[lane].over) continue;
-      judged[lane].Look(state, lane, k, next, script, record);
+      judged[lane].Look(state, lane, time_ns, k, next, script, record);
       any = any || !judged[lane].over;
     }
     if (!any) break;

@@ -277,11 +277,15 @@ WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Proc
     const std::size_t count = std::min(player.batch(), mine.size() - first);
     const auto indices = std::span<const std::uint64_t>(mine).subspan(first, count);
     const std::vector<TrialOutcome> outcomes = player.Play(indices);
-    std::string lines;
-    for (std::size_t i = 0; i < count; ++i) lines += CheckpointLine(indices[i], outcomes[i]);
-    for (const std::string& text : processes.ToFirst(lines)) {
-      ReadCheckpointLines(text, "checkpoint", 1, known);
-      if (checkpoint) checkpoint->Add(text);
+    if (processes.count() == 1 && !checkpoint) {
+      for (std::size_t i = 0; i < count; ++i) known.emplace(indices[i], outcomes[i]);
+    } else {
+      std::string lines;
+      for (std::size_t i = 0; i < count; ++i) lines += CheckpointLine(indices[i], outcomes[i]);
+      for (const std::string& text : processes.ToFirst(lines)) {
+        ReadCheckpointLines(text, "checkpoint", 1, known);
+        if (checkpoint) checkpoint->Add(text);
+      }
     }
     if (plan.progress) plan.progress(static_cast<int>(known.size()));
   }

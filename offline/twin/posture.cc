@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "common/core/functions.h"
@@ -60,23 +61,26 @@ PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& conf
 
 bool PostureWatch::Slow(const TwinState& state) const {
   const auto fast = [this](double rate) { return std::abs(rate) > config_.rate_max_rad_s; };
-  const double speed =
-      portable::Length(portable::Length(state.root_vx_m_s, state.root_vz_m_s), state.root_vy_m_s);
-  return speed <= config_.speed_max_m_s && !fast(state.root_pitch_rate_rad_s) &&
-         std::ranges::none_of(state.root_angular_velocity_rad_s, fast) &&
-         std::ranges::none_of(state.joint_velocities_rad_s, fast) &&
-         std::ranges::none_of(state.passive_velocities_rad_s, fast);
+  if (fast(state.root_pitch_rate_rad_s) ||
+      std::ranges::any_of(state.root_angular_velocity_rad_s, fast) ||
+      std::ranges::any_of(state.joint_velocities_rad_s, fast) ||
+      std::ranges::any_of(state.passive_velocities_rad_s, fast)) {
+    return false;
+  }
+  const double in_plane = portable::Length(state.root_vx_m_s, state.root_vz_m_s);
+  return (state.is_in_space() ? portable::Length(in_plane, state.root_vy_m_s) : in_plane) <=
+         config_.speed_max_m_s;
 }
 
 const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state, bool passive) const {
   const auto fits = [&](const KnownPose& pose) {
     // The height allows for the pitch: the root turns about a foot, some 0.3 m away.
     const double z_tolerance = config_.z_tolerance_m + 0.3 * pose.pitch_tolerance_rad;
+    if (std::abs(state.root_z_m - pose.z_m) > z_tolerance) return false;
     const double turned = state.is_in_space()
                               ? TiltBetween(state.root_quaternion, pose.quaternion)
                               : std::abs(NearestTurn(state.root_pitch_rad - pose.pitch_rad));
-    if (turned > pose.pitch_tolerance_rad || std::abs(state.root_z_m - pose.z_m) > z_tolerance)
-      return false;
+    if (turned > pose.pitch_tolerance_rad) return false;
     for (std::size_t j = 0; j < pose.joints_rad.size(); ++j) {
       const bool slides = j < slides_.joints.size() && slides_.joints[j];
       const double tolerance = slides ? config_.z_tolerance_m : config_.joint_tolerance_rad;
@@ -160,11 +164,11 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
   if (slow_since_ns_ < 0) slow_since_ns_ = state.time_ns;
   if (static_cast<double>(state.time_ns - slow_since_ns_) * 1e-9 < config_.rest_s) return;
   const KnownPose* pose = FindPose(state, true);
-  const std::string name = pose == nullptr ? "" : pose->name;
+  const std::string_view name = pose == nullptr ? "" : std::string_view(pose->name);
   if (resting_ && name == resting_as_) return;
   resting_ = true;
   resting_as_ = name;
-  Add(state, PostureEvent::Kind::kRest).pose = name;
+  Add(state, PostureEvent::Kind::kRest).pose = resting_as_;
   if (FindPose(state, false) != nullptr) {
     fallen_ = false;
   } else {
