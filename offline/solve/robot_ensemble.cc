@@ -68,8 +68,9 @@ Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
   return ensemble;
 }
 
-Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps) {
-  return DrawEnsemble(task, {.steps = steps}, std::vector<std::uint64_t>(Packet::kLanes));
+Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps, bool sensors) {
+  return DrawEnsemble(task, {.steps = steps, .sensors = sensors},
+                      std::vector<std::uint64_t>(Packet::kLanes));
 }
 
 }  // namespace tumbler

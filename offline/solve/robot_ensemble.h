@@ -31,6 +31,6 @@ struct RobotDraw {
 [[nodiscard]] Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
                                     const std::vector<std::uint64_t>& which);
 /// A packet of robots that do not differ: the model, or the mean of what is known of one robot.
-[[nodiscard]] Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps);
+[[nodiscard]] Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps, bool sensors = false);
 
 }  // namespace tumbler

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 #include <numeric>
+#include <utility>
 
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
@@ -39,6 +40,11 @@ RobustRanking::RobustRanking(const RobustTask& task, const RobustMotion& motion,
                              const MotionPlanner& planner, const MotionFeedback& feedback)
     : task_(task), motion_(motion), planner_(planner), feedback_(feedback) {
   if (task.beside_model()) fine_model_ = ModelEnsemble(task, RobustTask::kFine);
+}
+
+void RobustRanking::SetHold(const Feedback<double>& hold) {
+  hold_ = hold;
+  if (task_.beside_model()) fine_model_ = ModelEnsemble(task_, RobustTask::kFine, true);
 }
 
 std::vector<MotionPlan> RobustRanking::Plans(

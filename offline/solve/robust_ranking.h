@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "offline/solve/motion_feedback.h"
@@ -23,7 +22,7 @@ class RobustRanking {
   /// From now on motions have gains of a feedback behind their other variables, and robots that are
   /// drawn with sensors are corrected by them.
   /// @param hold  the law of the hold: MotionFeedback::Add.
-  void set_hold(Feedback<double> hold) { hold_ = std::move(hold); }
+  void SetHold(const Feedback<double>& hold);
   [[nodiscard]] bool has_gains() const { return hold_.has_value(); }
 
   /// The plans of up to a packet of motions whose paths keep their limits.

@@ -224,9 +224,8 @@ class RobustSearch {
   void FindGains(Candidate& motion) {
     const RobustSettings& settings = task_.settings;
     const bool holds = settings.feedback->acts == FeedbackSettings::Acts::kAlways;
-    ranking_.set_hold(holds
-                          ? FindHold(motion.x, settings.polish_robots / FindingGains::kRobotsShare)
-                          : MotionFeedback::NoHold(motion_.Duration_s(motion.x)));
+    ranking_.SetHold(holds ? FindHold(motion.x, settings.polish_robots / FindingGains::kRobotsShare)
+                           : MotionFeedback::NoHold(motion_.Duration_s(motion.x)));
     motion.x.resize(motion_.count() + feedback_.gains());
     for (int round = settings.polish_rounds; round >= 0; --round) {
       ++stage_;
