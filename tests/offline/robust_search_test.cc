@@ -10,11 +10,13 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "common/files/toml_reader.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/robot_posterior.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/solve/cma_es.h"
 #include "offline/solve/lane_feedback.h"
@@ -348,6 +350,22 @@ TEST(RobustSearch, AFeedbackOfTheMotionAloneLeavesTheHoldAlone) {
       EXPECT_EQ(joint.rate_gain[held], 0);
     }
   }
+}
+
+TEST(RobustSearch, GainsAreFoundForARobotThatWasIdentified) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  Problem problem = ProblemOf(
+      QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nacts = \"motion\"\nknots = 3\n"));
+  RobotPosterior known;
+  known.quantities = {{RobotQuantity::Kind::kZero, "leg1"}};
+  known.mean = {0.01};
+  known.covariance = {1e-4};
+  problem.robust->spreads.posterior = std::make_shared<const RobotPosterior>(known);
+  const SolveOutcome outcome = SolveRobust(problem, {}, guess);
+  ASSERT_EQ(outcome.solutions.size(), 1U);
+  EXPECT_EQ(outcome.solutions.front().x, guess);
+  EXPECT_NE(outcome.solutions.front().feedback.joints[1].angle_gain[1], 0);
 }
 
 /// A law for one joint of two, whose gains do not change.

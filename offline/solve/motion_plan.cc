@@ -1,0 +1,128 @@
+#include "offline/solve/motion_plan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+
+#include "common/core/index.h"
+
+namespace tumbler {
+namespace {
+
+constexpr int kPlanSteps = 4;  // in a tick
+constexpr double kPlanStep_s = RobustTask::kTick_s / kPlanSteps;
+/// Thinning of the feed-forward: half the width of a triangle [ticks], as wide as the knots of a
+/// primitive's torque.
+constexpr int kSmoothing_ticks = 12;
+/// Parts of the contact's layer and of the torque limit that a plan may use. The certificate and
+/// the second look take finer steps than lanes do, and refuse a motion above the whole.
+constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
+/// Parts of the tolerances within which the model rests: where other motions are complemented, and
+/// on the ground of a posterior, which may damp little. There a robot rocks less in the steps of
+/// lanes than in those of the second look.
+constexpr double kRestsOtherwise = 0.7, kRestsOnKnownGround = 0.4;
+
+}  // namespace
+
+MotionPlanner::MotionPlanner(const RobustTask& task, const RobustMotion& motion)
+    : task_(task), motion_(motion) {
+  LaneRobot<double> model = task.lanes.robot;
+  // The plan knows the URDF's damping alone.
+  for (std::size_t j = 0; j < task.joints; ++j) {
+    model.joints[j].viscous_friction -= task.settings.drive.viscous_friction_nm_s_per_rad;
+    model.joints[j].dry_friction = 0;
+  }
+  std::array<LaneRobot<double>, Packet::kLanes> robots;
+  robots.fill(model);
+  model_ = PackLanes<LaneRobot>(robots);
+}
+
+std::vector<MotionPlan> MotionPlanner::Plans(
+    const std::vector<std::vector<double>>& motions) const {
+  const Problem& problem = task_.problem;
+  const std::size_t joints = task_.joints;
+  int ticks = 0;
+  for (const std::vector<double>& x : motions) ticks = std::max(ticks, motion_.Ticks(x));
+  const auto count = Index((ticks + RobustTask::Ticks(problem.settle_s)) * kPlanSteps);
+  PacketSetpoints setpoints(count * joints);
+  for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+    motion_.Sample(motions[std::min(lane, motions.size() - 1)], count, kPlanStep_s,
+                   [&](std::size_t i, const auto& at) {
+                     setpoints[i].position.set_lane(lane, at.value);
+                     setpoints[i].velocity.set_lane(lane, at.first);
+                     setpoints[i].third.set_lane(lane, at.second);
+                   });
+  }
+  std::array<LaneState<double>, Packet::kLanes> states;
+  states.fill(StartState(problem));
+  LaneState<Packet> state = PackLanes<LaneState>(states);
+  LaneWatch<Packet> watch;
+  std::vector<Packet> torques(setpoints.size());
+  task_.kernel.prescribe(task_.lanes.model, model_, kPlanStep_s, setpoints, state, watch, torques);
+  std::vector<MotionPlan> plans(motions.size());
+  if (task_.beside_model()) NoteUnrest(setpoints, state, plans);
+  for (std::size_t m = 0; m < motions.size(); ++m) {
+    plans[m].excess += std::max(0.0, watch.depth.lane(m) - kLargestDepth);
+    for (std::size_t j = 0; j < joints; ++j) {
+      const double limit = kLargestTorque * problem.joints[j].limits.torque_max_nm;
+      plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
+    }
+    plans[m].feed_forward = Smoothed(torques, m, motion_.Ticks(motions[m]));
+  }
+  return plans;
+}
+
+void MotionPlanner::NoteUnrest(const PacketSetpoints& setpoints, LaneState<Packet>& state,
+                               std::vector<MotionPlan>& plans) const {
+  const double part = task_.complement.empty() ? kRestsOnKnownGround : kRestsOtherwise;
+  const std::array<double, Packet::kLanes> off = task_.loss.Off(state);
+  PacketSetpoints last;
+  const auto steps = static_cast<int>(std::lround(RobustTask::kWatched_s / kPlanStep_s));
+  for (int k = 0; k < steps; ++k) {
+    last.insert(last.end(), setpoints.end() - static_cast<std::ptrdiff_t>(task_.joints),
+                setpoints.end());
+  }
+  LaneWatch<Packet> watch;
+  std::vector<Packet> torques(last.size());
+  task_.kernel.prescribe(task_.lanes.model, model_, kPlanStep_s, last, state, watch, torques);
+  for (std::size_t m = 0; m < plans.size(); ++m) {
+    const double speed = watch.root_speed.lane(m);
+    plans[m].excess += std::max(0.0, off[m] / (part * task_.loss.tolerance_rad()) - 1);
+    plans[m].excess += std::max(0.0, speed / (part * CostTerm::kRateTolerance) - 1);
+    if (!std::isfinite(plans[m].excess)) plans[m].excess = RobustMotion::kUnplayable;
+  }
+}
+
+std::vector<double> MotionPlanner::Smoothed(const std::vector<Packet>& torques, std::size_t lane,
+                                            int ticks) const {
+  const int count = static_cast<int>(torques.size() / task_.joints);
+  std::vector<double> smoothed;
+  for (int k = 0; k <= ticks; ++k) {
+    for (std::size_t j = 0; j < task_.joints; ++j) {
+      double sum = 0, weights = 0;
+      for (int m = -kSmoothing_ticks; m <= kSmoothing_ticks; ++m) {
+        const int step = (k + m) * kPlanSteps;
+        if (step < 0 || step >= count) continue;
+        const double weight = kSmoothing_ticks + 1 - std::abs(m);
+        sum += weight * torques[Index(step) * task_.joints + j].lane(lane);
+        weights += weight;
+      }
+      smoothed.push_back(sum / weights);
+    }
+  }
+  return smoothed;
+}
+
+PacketSetpoints MotionPlanner::SetpointsOf(const std::vector<double>& x,
+                                           const MotionPlan& plan) const {
+  const auto ticks = Index(task_.LastTick(motion_.Ticks(x)));
+  PacketSetpoints setpoints(ticks * task_.joints);
+  motion_.Sample(x, ticks, RobustTask::kTick_s, [&](std::size_t i, const auto& at) {
+    setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
+                    Packet::Of(plan.FeedForward(i, task_.joints))};
+  });
+  return setpoints;
+}
+
+}  // namespace tumbler

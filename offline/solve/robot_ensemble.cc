@@ -1,0 +1,76 @@
+#include "offline/solve/robot_ensemble.h"
+
+#include <algorithm>
+#include <array>
+
+#include "common/core/index.h"
+
+namespace tumbler {
+namespace {
+
+/// How long a robot stands before the motion, so that it rests on its own ground.
+constexpr double kStands_s = 0.5;
+
+/// What is added to a robot's state when the motion begins.
+LaneState<double> DisplacementOf(const PlanarRobot& robot, const RobotVariation& variation) {
+  LaneState<double> by{};
+  const auto q = variation.StartPositions(robot), v = variation.StartRates(robot);
+  std::copy(q.begin(), q.end(), by.q.begin());
+  std::copy(v.begin(), v.end(), by.v.begin());
+  return by;
+}
+
+}  // namespace
+
+Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
+                      const std::vector<std::uint64_t>& which) {
+  const Problem& problem = task.problem;
+  const RobustSettings& settings = task.settings;
+  const std::size_t joints = task.joints;
+  Ensemble ensemble;
+  ensemble.steps = draw.steps;
+  ensemble.steps.per_tick *= FinerStepsFor(problem.scene.contact, settings.spreads, draw.scale);
+  for (std::size_t j = 0; j < joints; ++j)
+    ensemble.held[j] = {Packet::Of(problem.joints[j].start_rad), Packet::Of(0), Packet::Of(0)};
+  PacketSetpoints hold;
+  for (int k = 0; k < RobustTask::Ticks(kStands_s); ++k)
+    hold.insert(hold.end(), ensemble.held.begin(), ensemble.held.begin() + joints);
+  for (std::size_t first = 0; first < which.size(); first += Packet::kLanes) {
+    std::array<LaneRobot<double>, Packet::kLanes> each;
+    std::array<LaneState<double>, Packet::kLanes> states, displaced;
+    for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+      const RobotVariation variation =
+          DrawRobot(problem.scene, settings.spreads, draw.scale, draw.seed, which[first + lane]);
+      each[lane] = LanesOf(problem, variation).robot;
+      states[lane] = StartState(problem);
+      displaced[lane] = DisplacementOf(problem.scene.robot, variation);
+    }
+    LaneState<Packet> state = PackLanes<LaneState>(states);
+    HeldSetpoints<Packet> held = ensemble.held;
+    LaneWatch<Packet> watch;
+    ensemble.robots.push_back(PackLanes<LaneRobot>(each));
+    task.kernel.drive(task.lanes.model, ensemble.robots.back(), ensemble.steps, hold, held, state,
+                      watch);
+    const LaneState<Packet> by = PackLanes<LaneState>(displaced);
+    for (std::size_t dof = 0; dof < joints + 3; ++dof) {
+      for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+        state.q[dof].set_lane(lane, state.q[dof].lane(lane) + by.q[dof].lane(lane));
+        state.v[dof].set_lane(lane, state.v[dof].lane(lane) + by.v[dof].lane(lane));
+      }
+    }
+    ensemble.states.push_back(state);
+    if (!draw.sensors) continue;
+    const double most_s = settings.duration_max_s.value_or(problem.duration_s);
+    const double time_s = most_s + problem.settle_s + RobustTask::kLater_s;
+    ensemble.noise.emplace_back(*settings.feedback, Index(RobustTask::Ticks(time_s)) + 1, draw.seed,
+                                ensemble.noise.size());
+  }
+  return ensemble;
+}
+
+Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps, bool sensors) {
+  return DrawEnsemble(task, {.steps = steps, .sensors = sensors},
+                      std::vector<std::uint64_t>(Packet::kLanes));
+}
+
+}  // namespace tumbler

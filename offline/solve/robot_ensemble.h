@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "offline/solve/lane_feedback.h"
+#include "offline/solve/robust_task.h"
+
+namespace tumbler {
+
+/// Robots in packets, as they stand before the motion, each on its own ground.
+struct Ensemble {
+  HeldSetpoints<Packet> held{};
+  std::vector<LaneRobot<Packet>> robots;
+  std::vector<LaneState<Packet>> states;
+  std::vector<LaneNoise> noise;  ///< Of each packet's sensors; empty where there are none.
+  LaneSteps steps;
+};
+
+/// From what robots are drawn.
+struct RobotDraw {
+  double scale = 0;  ///< Of the task's spreads. 0: they do not differ.
+  std::uint64_t seed = 0;
+  LaneSteps steps;       ///< Made finer where the ground of these robots may be stiff.
+  bool sensors = false;  ///< Whether a feedback will need them.
+};
+
+/// The robots with these numbers.
+/// @param which  whole packets.
+[[nodiscard]] Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
+                                    const std::vector<std::uint64_t>& which);
+/// A packet of robots that do not differ: the model, or the mean of what is known of one robot.
+[[nodiscard]] Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps, bool sensors = false);
+
+}  // namespace tumbler

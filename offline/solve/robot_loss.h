@@ -1,0 +1,54 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "offline/problem/problem.h"
+#include "offline/scene/lane_robot.h"
+
+namespace tumbler {
+
+/// What the end of a robot in a packet is worth, by the targets of a task.
+///
+/// A loss of less than 0.2 is that of a robot that does what the motion's purpose asks for, 0.35
+/// ... 0.65 of one that is near, and more than 1 of one that fell.
+class RobotLoss {
+ public:
+  static constexpr std::size_t kPitch = 2;  ///< Of the degrees of freedom.
+  /// A loss below which a motion carries a robot, and one with which the model does what is asked,
+  /// and not only nearly.
+  static constexpr double kCarried = 0.2, kCalm = 0.08;
+  /// A loss from which on robots mostly fall, and one that cannot be told from 0.
+  static constexpr double kHopeless = 0.9, kPerfect = 1e-3;
+  /// The loss of a robot that the runtime stops, or whose own shapes overlap.
+  static constexpr double kFault = 1.3;
+
+  /// @pre the problem has a target of the pitch.
+  explicit RobotLoss(const Problem& problem);
+
+  [[nodiscard]] double target_rad() const { return target_rad_; }        ///< Of the pitch.
+  [[nodiscard]] double tolerance_rad() const { return tolerance_rad_; }  ///< Likewise.
+
+  /// How far robots are from what the task asks for: from the target of the pitch [rad], or from a
+  /// place, in as many radians as the tolerance of the pitch is of the place's. 1000 where that is
+  /// not finite.
+  [[nodiscard]] std::array<double, Packet::kLanes> Off(const LaneState<Packet>& state) const;
+
+  /// @param settled, off  Off when the settle phase ends, and later.
+  /// @param speed         the root's largest, in the time that is watched [m/s, rad/s].
+  [[nodiscard]] double Of(double settled, double off, double speed) const;
+
+ private:
+  /// Where the root is to be: a target of its x or z.
+  struct Place {
+    std::size_t dof = 0;
+    double target_m = 0;
+    double rad_per_m = 0;  ///< Tolerance of the pitch for that of the place.
+  };
+  double target_rad_ = 0;
+  double tolerance_rad_ = CostTerm::kAngleTolerance_rad;
+  std::vector<Place> places_;
+};
+
+}  // namespace tumbler

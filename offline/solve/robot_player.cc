@@ -1,0 +1,194 @@
+#include "offline/solve/robot_player.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <span>
+#include <stdexcept>
+
+#include "common/core/index.h"
+#include "common/files/parallel_for.h"
+
+namespace tumbler {
+namespace {
+
+/// How often the own shapes are looked at [ticks], and up to which distance [m].
+constexpr int kLookAtShapes = 2;
+constexpr double kNearShapes_m = 1e-3;
+/// How many robots are looked at, for each that is wanted, to find those that no motion carries;
+/// and in how many packets at a time.
+constexpr int kLookedForEach = 200;
+constexpr std::size_t kPacketsAtATime = 32;
+
+/// A packet of robots on their way through a motion.
+class PacketPlay {
+ public:
+  PacketPlay(const RobustTask& task, const Ensemble& ensemble, std::size_t packet,
+             const PacketMotion& motion, LaneDistances& distances)
+      : task_(task),
+        robots_(ensemble.robots[packet]),
+        steps_(ensemble.steps),
+        setpoints_(motion.setpoints),
+        distances_(distances),
+        state_(ensemble.states[packet]),
+        held_(ensemble.held) {
+    if (motion.feedback != nullptr) {
+      feedback_.emplace(*motion.feedback, ensemble.noise[packet], task.settings.feedback->delay_s,
+                        RobustTask::kTick_s, task.joints);
+    }
+  }
+
+  [[nodiscard]] std::array<double, Packet::kLanes> Off() const { return task_.loss.Off(state_); }
+  [[nodiscard]] bool faulty(std::size_t lane) const { return faulty_[lane]; }
+  /// The root's largest since the last Watch.
+  [[nodiscard]] double speed(std::size_t lane) const { return watch_.root_speed.lane(lane); }
+  void Watch() { watch_ = {}; }
+
+  /// Plays on up to a tick.
+  void Advance(int end) {
+    const std::size_t joints = task_.joints;
+    if (!feedback_) {
+      const auto first = Index(tick_) * joints, last = Index(end) * joints;
+      task_.kernel.drive(task_.lanes.model, robots_, steps_,
+                         setpoints_.subspan(first, last - first), held_, state_, watch_);
+    } else {
+      std::array<LaneSetpoint<Packet>, LaneModel::kMaxJoints> tick;
+      for (int k = tick_; k < end; ++k) {
+        std::ranges::copy(setpoints_.subspan(Index(k) * joints, joints), tick.begin());
+        const std::span<LaneSetpoint<Packet>> corrected(tick.data(), joints);
+        feedback_->Correct(state_, corrected);
+        task_.kernel.drive(task_.lanes.model, robots_, steps_, corrected, held_, state_, watch_);
+        NoteFaults(corrected);
+        if (k % kLookAtShapes == 0) NoteOverlaps();
+      }
+    }
+    tick_ = end;
+  }
+
+ private:
+  /// Notes which robots the runtime stops now: corrections may lead a joint too far.
+  void NoteFaults(std::span<const LaneSetpoint<Packet>> setpoints) {
+    for (std::size_t j = 0; j < task_.joints; ++j) {
+      for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+        const double error_rad = state_.q[j + 3].lane(lane) - setpoints[j].position.lane(lane);
+        faulty_[lane] =
+            faulty_[lane] || !(std::abs(error_rad) <= task_.problem.following_tolerance_rad);
+      }
+    }
+  }
+
+  /// Notes which robots' own shapes overlap: corrections may lead a leg into the other. The shapes
+  /// are the model's.
+  void NoteOverlaps() {
+    if (task_.problem.scene.self_contact.pairs.empty()) return;
+    std::array<double, LaneModel::kMaxJoints + 3> q{};
+    for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+      if (faulty_[lane]) continue;
+      for (std::size_t j = 0; j < task_.joints; ++j) q[j + 3] = state_.q[j + 3].lane(lane);
+      const std::span<const double> at(q.data(), task_.joints + 3);
+      faulty_[lane] = distances_[lane].Nearest(at, kNearShapes_m).distance_m < 0;
+    }
+  }
+
+  const RobustTask& task_;
+  const LaneRobot<Packet>& robots_;
+  LaneSteps steps_;
+  std::span<const LaneSetpoint<Packet>> setpoints_;
+  LaneDistances& distances_;
+  LaneState<Packet> state_;
+  HeldSetpoints<Packet> held_;
+  LaneWatch<Packet> watch_{};
+  std::optional<LaneFeedback> feedback_;
+  int tick_ = 0;
+  /// Whether a joint was too far from its setpoint, or own shapes overlapped.
+  std::array<bool, Packet::kLanes> faulty_{};
+};
+
+/// Those of a primitive, as its hold goes on.
+PacketSetpoints SetpointsOf(const RobustTask& task, const Primitive<double>& motion) {
+  const int end = task.LastTick(RobustTask::Ticks(motion.duration_s));
+  PacketSetpoints setpoints;
+  for (int k = 0; k < end; ++k) {
+    const double time_s = k * RobustTask::kTick_s;
+    const double t = std::min(time_s, motion.duration_s);
+    for (const JointMotion<double>& joint : motion.motions()) {
+      const auto at = joint.position.Evaluate(t);
+      const double velocity = time_s < motion.duration_s ? at.first : 0;
+      setpoints.push_back(
+          {Packet::Of(at.value), Packet::Of(velocity), Packet::Of(joint.torque.Evaluate(t).value)});
+    }
+  }
+  return setpoints;
+}
+
+}  // namespace
+
+LaneDistances DistancesOf(const RobustTask& task) {
+  const Scene& scene = task.problem.scene;
+  return LaneDistances(Packet::kLanes, SelfDistances(scene.robot, scene.self_contact.pairs));
+}
+
+std::array<double, Packet::kLanes> RobotLosses(const RobustTask& task, const Ensemble& ensemble,
+                                               std::size_t packet, const PacketMotion& motion,
+                                               LaneDistances& distances) {
+  PacketPlay play(task, ensemble, packet, motion, distances);
+  const int settled_tick = motion.ticks + RobustTask::Ticks(task.problem.settle_s);
+  const int end = task.LastTick(motion.ticks);
+  play.Advance(settled_tick);
+  const std::array<double, Packet::kLanes> settled = play.Off();
+  play.Advance(end - RobustTask::Ticks(RobustTask::kWatched_s));
+  play.Watch();
+  play.Advance(end);
+  const std::array<double, Packet::kLanes> off = play.Off();
+  std::array<double, Packet::kLanes> losses;
+  for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+    losses[lane] = play.faulty(lane) ? RobotLoss::kFault
+                                     : task.loss.Of(settled[lane], off[lane], play.speed(lane));
+  }
+  return losses;
+}
+
+std::vector<std::uint64_t> RobotsNotCarried(const RobustTask& task, const RobotDraw& draw,
+                                            std::size_t count) {
+  constexpr std::size_t kLooked = kPacketsAtATime * Packet::kLanes;
+  std::vector<PacketSetpoints> motions;
+  for (const Primitive<double>& motion : task.complement)
+    motions.push_back(SetpointsOf(task, motion));
+  std::vector<std::uint64_t> found;
+  std::uint64_t looked = 0;
+  while (found.size() < count && looked < count * kLookedForEach && !task.interrupted()) {
+    std::array<bool, kLooked> carried{};
+    ParallelFor(
+        static_cast<int>(kPacketsAtATime), task.options.threads, [&](int packet, int /*thread*/) {
+          const std::size_t first = Index(packet) * Packet::kLanes;
+          std::vector<std::uint64_t> which(Packet::kLanes);
+          std::iota(which.begin(), which.end(), looked + first);
+          const Ensemble ensemble = DrawEnsemble(task, draw, which);
+          LaneDistances distances;  // without a feedback nothing is looked at
+          for (std::size_t m = 0; m < motions.size(); ++m) {
+            const int ticks = RobustTask::Ticks(task.complement[m].duration_s);
+            const auto losses = RobotLosses(task, ensemble, 0, {motions[m], ticks}, distances);
+            for (std::size_t lane = 0; lane < losses.size(); ++lane)
+              carried[first + lane] |= losses[lane] < RobotLoss::kCarried;
+          }
+        });
+    for (std::size_t i = 0; i < kLooked && found.size() < count; ++i)
+      if (!carried[i]) found.push_back(looked + i);
+    looked += kLooked;
+  }
+  if (found.size() < Packet::kLanes && !task.interrupted()) {
+    throw std::runtime_error(
+        fmt::format("the motions to complement carry all but {} of {} robots: too few to find "
+                    "another for; leave --complement out, or let robots differ more "
+                    "(robust.polish_scale)",
+                    found.size(), looked));
+  }
+  // At least one packet, also when it was interrupted.
+  found.resize(std::max(found.size() / Packet::kLanes, std::size_t{1}) * Packet::kLanes);
+  return found;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,161 @@
+#include "offline/solve/robust_ranking.h"
+
+#include <algorithm>
+#include <iterator>
+#include <numeric>
+#include <utility>
+
+#include "common/core/index.h"
+#include "common/files/parallel_for.h"
+
+namespace tumbler {
+namespace {
+
+/// Parts of the ensemble in a race, one after the other: 1/8, 1/4, 1/2, 1.
+constexpr int kRungs = 4;
+/// What a motion's loss is above that of one that went a rung further.
+constexpr double kDropped = 100;
+/// Weight of a plan's excess, and the largest with which a motion nearly keeps its limits.
+constexpr double kExcessWeight = 2, kLittleExcess = 0.3;
+
+int PacketsOf(const std::vector<std::vector<double>>& motions) {
+  return static_cast<int>((motions.size() + Packet::kLanes - 1) / Packet::kLanes);
+}
+
+}  // namespace
+
+struct RobustRanking::Runner {
+  std::size_t motion = 0;
+  MotionPlan plan;
+  PacketSetpoints setpoints;
+  int ticks = 0;
+  double sum = 0;
+  std::size_t packets = 0;
+  [[nodiscard]] double loss() const {
+    return sum / static_cast<double>(packets * Packet::kLanes) + kExcessWeight * plan.excess;
+  }
+};
+
+RobustRanking::RobustRanking(const RobustTask& task, const RobustMotion& motion,
+                             const MotionPlanner& planner, const MotionFeedback& feedback)
+    : task_(task), motion_(motion), planner_(planner), feedback_(feedback) {
+  if (task.beside_model()) fine_model_ = ModelEnsemble(task, RobustTask::kFine);
+}
+
+void RobustRanking::SetHold(const Feedback<double>& hold) {
+  hold_ = hold;
+  if (task_.beside_model()) fine_model_ = ModelEnsemble(task_, RobustTask::kFine, true);
+}
+
+std::vector<MotionPlan> RobustRanking::Plans(
+    const std::vector<std::vector<double>>& motions) const {
+  std::vector<MotionPlan> plans = planner_.Plans(motions);
+  if (hold_) feedback_.Add(motions, *hold_, plans);
+  return plans;
+}
+
+bool RobustRanking::IsPlayable(const std::vector<double>& x) const {
+  LaneDistances distances = DistancesOf(task_);
+  return motion_.Excess(x, distances.front()) < RobustMotion::kUnplayable &&
+         Plans({x}).front().excess < kLittleExcess;
+}
+
+std::vector<RobustRanking::Runner> RobustRanking::RunnersOf(
+    const std::vector<std::vector<double>>& motions, std::size_t first, SelfDistances& distances,
+    std::vector<double>& losses) const {
+  std::vector<Runner> runners;
+  std::vector<std::vector<double>> playable;
+  const std::size_t end = std::min(motions.size(), first + Packet::kLanes);
+  for (std::size_t i = first; i < end; ++i) {
+    losses[i] = motion_.Excess(motions[i], distances);
+    if (losses[i] >= RobustMotion::kUnplayable) continue;
+    playable.push_back(motions[i]);
+    runners.emplace_back().motion = i;
+  }
+  if (playable.empty()) return {};
+  std::vector<MotionPlan> plans = Plans(playable);
+  for (std::size_t m = 0; m < playable.size(); ++m) {
+    runners[m].setpoints = planner_.SetpointsOf(playable[m], plans[m]);
+    runners[m].plan = std::move(plans[m]);
+    runners[m].ticks = motion_.Ticks(playable[m]);
+  }
+  return runners;
+}
+
+double RobustRanking::SumOfLosses(const Runner& runner, const Ensemble& ensemble,
+                                  std::size_t packet, LaneDistances& distances) const {
+  const std::array<double, Packet::kLanes> losses = RobotLosses(
+      task_, ensemble, packet,
+      {runner.setpoints, runner.ticks, hold_ ? &runner.plan.feedback : nullptr}, distances);
+  return std::accumulate(losses.begin(), losses.end(), 0.0);
+}
+
+double RobustRanking::Judge(const Runner& runner, const Ensemble& ensemble,
+                            LaneDistances& distances) const {
+  double sum = 0;
+  for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
+    const double packet = SumOfLosses(runner, ensemble, p, distances);
+    // Of robots that other motions do not carry, eight may well fall with a good one.
+    if (p == 0 && packet >= Packet::kLanes && task_.complement.empty())
+      return packet / Packet::kLanes;
+    sum += packet;
+  }
+  return sum / static_cast<double>(ensemble.robots.size() * Packet::kLanes);
+}
+
+std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double>>& motions,
+                                            const Ensemble& ensemble) const {
+  std::vector<double> losses(motions.size());
+  ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
+    LaneDistances distances = DistancesOf(task_);
+    for (const Runner& runner :
+         RunnersOf(motions, Index(p) * Packet::kLanes, distances.front(), losses)) {
+      double& loss = losses[runner.motion];
+      loss += Judge(runner, ensemble, distances) + kExcessWeight * runner.plan.excess;
+      // The model is none of these, and it has to do what the task asks.
+      if (task_.beside_model())
+        loss += std::max(0.0, Judge(runner, fine_model_, distances) - RobotLoss::kCalm);
+    }
+  });
+  return losses;
+}
+
+std::vector<double> RobustRanking::Race(const std::vector<std::vector<double>>& motions,
+                                        const Ensemble& ensemble, int generation) const {
+  const std::size_t packets = ensemble.robots.size();
+  const std::size_t first = Index(generation) * (packets >> (kRungs - 1));
+  std::vector<double> losses(motions.size());
+  std::vector<std::vector<Runner>> ready(Index(PacketsOf(motions)));
+  ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
+    SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
+    ready[Index(p)] = RunnersOf(motions, Index(p) * Packet::kLanes, distances, losses);
+  });
+  std::vector<Runner> runners;
+  for (std::vector<Runner>& some : ready)
+    std::move(some.begin(), some.end(), std::back_inserter(runners));
+  const std::vector<double> penalties = losses;
+  for (double& loss : losses)
+    if (loss >= RobustMotion::kUnplayable) loss += kDropped * kRungs;
+  const auto loss_of = [&](const Runner& runner) {
+    return penalties[runner.motion] + runner.loss();
+  };
+  for (int rung = 0; rung < kRungs; ++rung) {
+    const std::size_t goal = packets >> (kRungs - 1 - rung);
+    ParallelFor(
+        static_cast<int>(runners.size()), task_.options.threads, [&](int i, int /*thread*/) {
+          Runner& runner = runners[Index(i)];
+          LaneDistances distances = hold_ ? DistancesOf(task_) : LaneDistances{};
+          for (; runner.packets < goal; ++runner.packets)
+            runner.sum +=
+                SumOfLosses(runner, ensemble, (first + runner.packets) % packets, distances);
+        });
+    std::ranges::stable_sort(runners, {}, loss_of);
+    const int dropped = kRungs - 1 - rung;
+    for (const Runner& runner : runners)
+      losses[runner.motion] = loss_of(runner) + kDropped * dropped;
+    if (dropped > 0) runners.resize((runners.size() + 1) / 2);
+  }
+  return losses;
+}
+
+}  // namespace tumbler

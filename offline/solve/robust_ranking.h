@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "offline/solve/motion_feedback.h"
+#include "offline/solve/motion_plan.h"
+#include "offline/solve/robot_player.h"
+
+namespace tumbler {
+
+/// Ranks motions by robots. The loss of a motion is the mean of the robots' (RobotLoss), and
+/// penalties for limits that its path or its plan does not keep, and, where the model is none of
+/// the robots, for what the model misses.
+class RobustRanking {
+ public:
+  /// All have to outlive this object.
+  RobustRanking(const RobustTask& task, const RobustMotion& motion, const MotionPlanner& planner,
+                const MotionFeedback& feedback);
+
+  /// From now on motions have gains of a feedback behind their other variables, and robots that are
+  /// drawn with sensors are corrected by them.
+  /// @param hold  the law of the hold: MotionFeedback::Add.
+  void SetHold(const Feedback<double>& hold);
+  [[nodiscard]] bool has_gains() const { return hold_.has_value(); }
+
+  /// The plans of up to a packet of motions whose paths keep their limits.
+  [[nodiscard]] std::vector<MotionPlan> Plans(
+      const std::vector<std::vector<double>>& motions) const;
+  /// Whether the path keeps its limits, and the plan those of torque and of penetration, or nearly.
+  [[nodiscard]] bool IsPlayable(const std::vector<double>& x) const;
+
+  /// The losses of motions.
+  [[nodiscard]] std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
+                                             const Ensemble& ensemble) const;
+
+  /// Losses of motions by which they can be ordered, by successive halving [JT16]: they are
+  /// compared on a part of the robots, the better half of them on twice as many, and so on, at last
+  /// on all. Those of the best are of the whole ensemble, those of others of a part, and higher.
+  /// Where a generation begins rotates, so that motions suit all robots and not the first ones.
+  ///
+  /// [JT16] K. Jamieson, A. Talwalkar, Non-stochastic Best Arm Identification and Hyperparameter
+  /// Optimization, AISTATS 2016.
+  [[nodiscard]] std::vector<double> Race(const std::vector<std::vector<double>>& motions,
+                                         const Ensemble& ensemble, int generation) const;
+  /// Whether so many robots can be divided: of fewer, a part says nothing.
+  [[nodiscard]] static bool CanRace(std::size_t robots) {
+    constexpr std::size_t kLeastPackets = 16;
+    return robots >= kLeastPackets * Packet::kLanes;
+  }
+
+ private:
+  /// A motion on its way through the packets of an ensemble.
+  struct Runner;
+  /// The motions of a packet, from the first on, whose paths keep their limits.
+  /// @param losses  gets the penalties of all of them.
+  [[nodiscard]] std::vector<Runner> RunnersOf(const std::vector<std::vector<double>>& motions,
+                                              std::size_t first, SelfDistances& distances,
+                                              std::vector<double>& losses) const;
+  /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
+  [[nodiscard]] double Judge(const Runner& runner, const Ensemble& ensemble,
+                             LaneDistances& distances) const;
+  /// Of a packet of an ensemble.
+  [[nodiscard]] double SumOfLosses(const Runner& runner, const Ensemble& ensemble,
+                                   std::size_t packet, LaneDistances& distances) const;
+
+  const RobustTask& task_;
+  const RobustMotion& motion_;
+  const MotionPlanner& planner_;
+  const MotionFeedback& feedback_;
+  Ensemble fine_model_;  ///< Where the model is none of the robots.
+  std::optional<Feedback<double>> hold_;
+};
+
+}  // namespace tumbler
