@@ -1,5 +1,7 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cstdint>
 #include <string>
@@ -11,6 +13,13 @@
 #include "tests/flights/flight_wire.h"
 
 namespace tumbler::testing {
+
+constexpr std::uint32_t BitOf(Fault fault) { return 1U << static_cast<unsigned>(fault); }
+
+/// Whether drives may be without torque.
+constexpr bool IsLoose(ExecutorState state) {
+  return state == ExecutorState::kDisarmed || state == ExecutorState::kArming;
+}
 
 /// What has to hold at every tick of every flight.
 enum class Invariant : std::uint8_t {
@@ -166,5 +175,16 @@ class FlightJudge {
   std::int64_t stopping_ticks_ = 0;
   int get_ups_ = 0;  // since the last command to run
 };
+
+template <typename... Args>
+void FlightJudge::Fail(Invariant invariant, const char* format, const Args&... args) {
+  if (!Judges(invariant) || violations_.size() >= 4) return;
+  std::string what = fmt::format(fmt::runtime(format), args...);
+  what += fmt::format(" [tick {}, {} -> {} -> {}, reaction {}, command {}, elapsed {}]",
+                      tick_.input->tick, ToString(tick_.before), ToString(now_->state),
+                      ToString(tick_.after), ToString(now_->reaction), ToString(now_->command),
+                      elapsed_);
+  violations_.push_back({invariant, tick_.number, what});
+}
 
 }  // namespace tumbler::testing

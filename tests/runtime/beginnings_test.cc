@@ -11,6 +11,7 @@
 #include "runtime/executor/executor.h"
 #include "runtime/executor/run_procedure.h"
 #include "tests/support/executor_rig.h"
+#include "tests/support/sensing_rig.h"
 #include "tests/support/sensor_motion.h"
 
 namespace tumbler {
@@ -18,6 +19,7 @@ namespace {
 
 using testing::ExecutorRig;
 using testing::MotionWithFeedback;
+using testing::SensingRig;
 using testing::SensorFrames;
 
 constexpr double kOnItsBack_rad = std::numbers::pi;
@@ -34,29 +36,6 @@ SequenceGraph<float> TwoBeginnings(const Primitive<float>& motion) {
   graph.beginning_within_rad = 0.3F;
   return graph;
 }
-
-/// An executor with or without a sensor, whose link is level to begin with.
-class SensingRig : public ExecutorRig {
- public:
-  SensingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
-             const Primitive<float>& motion)
-      : SensingRig(config, has_sensor, graph, std::vector<Primitive<float>>{motion}) {}
-  SensingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
-             const std::vector<Primitive<float>>& motions)
-      : ExecutorRig(config, graph, motions) {
-    if (has_sensor) {
-      sensor.device = &device_;
-      sensor.settings.repeats_max = 0;
-      sensor.settings.jump_max_rad = 10;
-    }
-    Reconfigure();
-    EXPECT_EQ(configured, Status::kOk);
-    sensor_frames = SensorFrames(0, 0);
-  }
-
- private:
-  XsensMti device_;
-};
 
 /// One at the start of the motion.
 class LyingRig : public SensingRig {
