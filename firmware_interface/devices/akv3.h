@@ -190,6 +190,9 @@ struct AkV3Protocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static bool SamplesAt(const Config& /*config*/, const CanFrame& /*frame*/) noexcept {
+    return false;  // Reports are cyclic.
+  }
   static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
   /// The name of an error, or null.
   static const char* ErrorName(std::uint32_t error) noexcept;

@@ -269,6 +269,9 @@ struct CanSimpleProtocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static bool SamplesAt(const Config& /*config*/, const CanFrame& /*frame*/) noexcept {
+    return false;  // Estimates are cyclic.
+  }
   static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
 
   static Config Read(DriveTable& table);

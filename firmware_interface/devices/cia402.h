@@ -276,6 +276,9 @@ struct Cia402Protocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static bool SamplesAt(const Config& /*config*/, const CanFrame& frame) noexcept {
+    return IsSync(frame);
+  }
   static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
 
   static Config Read(DriveTable& table);

@@ -81,6 +81,10 @@ concept DriveProtocol = requires(const typename P::Config& config, const CanFram
   noexcept->std::same_as<bool>;
   { P::ReportedPosition(config, frame, shaft_rad) }
   noexcept->std::same_as<bool>;
+  /// Whether the drive samples its joint as the end of this frame of the host has come, and reports
+  /// that. False for every frame: it reports by its own clock.
+  { P::SamplesAt(config, frame) }
+  noexcept->std::same_as<bool>;
 
   /// The frames that only a host sends to such a drive.
   { P::HostFrames(config) }

@@ -326,6 +326,12 @@ KeyTable DrivesKeyTable() {
                   SensorRows()})};
 }
 
+SampleTimes SampleTimesOf(const DrivesConfig& drives) noexcept {
+  SampleTimes times(drives.bit_rate);
+  for (const DriveEntry& entry : drives.drives) times.Add(entry.config);
+  return times;
+}
+
 DrivesConfig LoadDrives(const std::string& path) {
   return Read(TomlTable::ParseFile(path), DrivesUse::kRun, ReadTextFile);
 }

@@ -12,6 +12,7 @@
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/devices/drive_bank.h"
 #include "firmware_interface/devices/drive_entry.h"
+#include "firmware_interface/devices/sample_times.h"
 #include "firmware_interface/devices/sensor_entry.h"
 
 namespace tumbler {
@@ -59,6 +60,9 @@ struct DrivesConfig {
   /// The schedule in words: `2 setpoints of 8 bytes, 2 replies of 8 bytes`.
   [[nodiscard]] std::string DescribeSchedule() const;
 };
+
+/// Finds when these drives sampled what they report.
+[[nodiscard]] SampleTimes SampleTimesOf(const DrivesConfig& drives) noexcept;
 
 /// What a drives file is read for.
 enum class DrivesUse : std::uint8_t {

@@ -257,6 +257,9 @@ struct MitProtocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static bool SamplesAt(const Config& config, const CanFrame& frame) noexcept {
+    return !frame.extended && !frame.remote && frame.id == config.command_id;
+  }
   static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
 
   static Config Read(DriveTable& table);

@@ -56,13 +56,14 @@ RecordedRun RecordedView(const std::string& path) {
   const std::int64_t step = (ticks + kFramesMax - 1) / kFramesMax;
   std::optional<std::int64_t> figures_at_ns;
   state_t state;
+  TimedRecords records(record.configuration());
   const auto entry = std::make_unique<TickEntry>();
   for (std::int64_t i = 0; record.Next(*entry); ++i) {
     for (const auto& bytes : record.truths()) {
       truth_t truth;
       if (ReadMessage(bytes, truth)) run.Take(truth);
     }
-    const TimedRecord timed = ToTimedRecord(*entry);
+    const TimedRecord timed = records.Next(*entry);
     figures.Count(timed);
     if (!figures_at_ns || timed.time_ns >= *figures_at_ns + kFiguresEvery_ns) {
       run.Take(figures.At(timed.time_ns, 0, 0));

@@ -68,11 +68,12 @@ LoadedRecord LoadRecord(const std::string& path) {
   loaded.name = path;
   loaded.joints = record.configuration().joints;
   loaded.period_s = static_cast<double>(record.configuration().period_ns) * 1e-9;
+  TimedRecords records(record.configuration());
   const auto entry = std::make_unique<TickEntry>();
   state_t state{};
   while (record.Next(*entry)) {
     AddTruths(record, loaded.truths);
-    FillState(ToTimedRecord(*entry), state);
+    FillState(records.Next(*entry), state);
     AddTick(state, loaded.joints, loaded.ticks);
   }
   AddTruths(record, loaded.truths);

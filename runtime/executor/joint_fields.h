@@ -20,6 +20,14 @@ struct JointField {
   const char* status = nullptr;       ///< Its key in `tumbler ctl status --json`; null: not there.
 };
 
+/// The field of a joint that messages and tables have besides those of JointRecord. It follows from
+/// the frames of a run, by their times (firmware_interface/devices/sample_times.h).
+inline constexpr JointField kReplySampled{
+    "reply_sampled_us", "reply_sampled_us", "us",
+    "when the measured position was sampled, from the start of this tick, so below 0; "
+    "NaN (empty in CSV): not known",
+    JointField::Origin::kDrive};
+
 /// Calls `visit(field, in_record, in_message)` for every field of a joint in one tick, in the order
 /// of the members of JointRecord. `in_record(joint)` is the member of a JointRecord, and
 /// `in_message(message)` that of a `joint_state_t`.

@@ -1,8 +1,11 @@
 #include "runtime/record/message_readers.h"
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <exception>
 #include <utility>
+#include <vector>
 
 #include "runtime/executor/faults.h"
 
@@ -14,6 +17,10 @@ constexpr std::size_t kElementsMax = 64;
 constexpr std::size_t kJointsMax = 32;
 constexpr std::size_t kFingerprint = 8;
 constexpr std::size_t kWide = 8;  // bytes of a number of 64 bits
+
+/// The fingerprint of state_t up to version 0.1: its joints ended before reply_sampled_us.
+constexpr std::array<std::uint8_t, kFingerprint> kFormerState = {0x55, 0x79, 0x99, 0x36,
+                                                                 0x3e, 0x7f, 0xbd, 0x65};
 
 /// Goes through the bytes of a message without reading its values.
 class Walk {
@@ -80,11 +87,35 @@ bool IsOneOf(std::int8_t value, Enum last) {
   return value >= 0 && value <= static_cast<int>(last);
 }
 
+/// The bytes of a state_t up to version 0.1 as those of one of today, in which it is not known when
+/// replies were sampled. Joints are at the end of the message, and that field at the end of each.
+std::vector<std::uint8_t> FromFormerState(std::span<const std::uint8_t> bytes,
+                                          std::size_t without_joints, std::size_t joint) {
+  constexpr std::array<std::uint8_t, 4> kNaN = {0x7f, 0xc0, 0, 0};
+  const std::int64_t fingerprint = state_t::getHash();
+  std::vector<std::uint8_t> now;
+  for (int shift = 56; shift >= 0; shift -= 8)
+    now.push_back(static_cast<std::uint8_t>(fingerprint >> shift));
+  const std::size_t former_joint = joint - kNaN.size();
+  for (std::size_t i = kFingerprint; i < bytes.size(); ++i) {
+    now.push_back(bytes[i]);
+    if (i >= without_joints && (i + 1 - without_joints) % former_joint == 0)
+      now.insert(now.end(), kNaN.begin(), kNaN.end());
+  }
+  return now;
+}
+
 }  // namespace
 
 bool ReadMessage(std::span<const std::uint8_t> bytes, state_t& message) {
   const auto without_joints = static_cast<std::size_t>(state_t{}.getEncodedSize());
   const auto joint = static_cast<std::size_t>(joint_state_t{}._getEncodedSizeNoHash());
+  std::vector<std::uint8_t> now;
+  if (bytes.size() <= kBytesMax && bytes.size() >= kFingerprint &&
+      std::ranges::equal(bytes.first(kFingerprint), kFormerState)) {
+    now = FromFormerState(bytes, without_joints, joint);
+    bytes = now;
+  }
   Walk walk(bytes);
   walk.Skip(without_joints - kFingerprint - 4);
   const std::size_t count = walk.Count();

@@ -54,6 +54,7 @@ void FillState(const TimedRecord& timed, state_t& message) {
       auto& member = in_message(message.joints[i]);
       member = static_cast<std::remove_cvref_t<decltype(member)>>(in_record(record.joints[i]));
     });
+    message.joints[i].reply_sampled_us = timed.reply_sampled_us[i];
   }
 }
 

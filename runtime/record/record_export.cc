@@ -87,7 +87,16 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   return run;
 }
 
-TimedRecord ToTimedRecord(const TickEntry& entry) {
+TimedRecords::TimedRecords(const RecordConfiguration& configuration) {
+  try {
+    const FileReader read = RecordedFiles(configuration);
+    replies_ = SampleTimesOf(LoadDrivesOf(configuration.joints, configuration.drives_file, read));
+  } catch (const std::exception&) {
+    // Whoever needs the drives says what is wrong with them.
+  }
+}
+
+TimedRecord TimedRecords::Next(const TickEntry& entry) {
   TimedRecord timed;
   timed.time_ns = entry.notes.deadline_ns;
   timed.number = entry.index;
@@ -96,10 +105,17 @@ TimedRecord ToTimedRecord(const TickEntry& entry) {
   for (const ReceivedFrame& received : entry.input().received) {
     timed.bus_bits += LongestBits(received.frame);
   }
-  for (const CanFrame& frame : SentFrames(entry)) timed.bus_bits += LongestBits(frame);
+  const std::vector<CanFrame> sent = SentFrames(entry);
+  for (const CanFrame& frame : sent) timed.bus_bits += LongestBits(frame);
   timed.request = {entry.notes.request_id, static_cast<OperatorRequest>(entry.notes.request),
                    entry.notes.request_refusal};
   timed.record = entry.record;
+  // What was sent in a tick that was not recorded is not known.
+  if (entry.index != index_) replies_.Send(entry.notes.send_ns, {});
+  index_ = entry.index + 1;
+  replies_.Receive(entry.input().received);
+  replies_.Send(entry.notes.send_ns, sent);
+  timed.TakeSampleTimes(replies_);
   return timed;
 }
 
@@ -164,10 +180,11 @@ std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
   config.run = DescribeRun(configuration);
   config.utime_at_zero_us = configuration.utime_at_zero_us;
   Telemetry telemetry(config);
+  TimedRecords timed(configuration);
   record.Rewind();
   const auto entry = std::make_unique<TickEntry>();
   while (record.Next(*entry)) {
-    telemetry.Push(ToTimedRecord(*entry));
+    telemetry.Push(timed.Next(*entry));
     telemetry.Drain();
   }
   telemetry.Stop();

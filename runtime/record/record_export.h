@@ -9,8 +9,17 @@
 
 namespace tumbler {
 
-/// The record of a tick that the loop gave to telemetry.
-TimedRecord ToTimedRecord(const TickEntry& entry);
+/// Makes of the ticks of a record, in their order, what the loop gave to telemetry.
+class TimedRecords {
+ public:
+  /// Where the record's drives cannot be used, it is not known when replies were sampled.
+  explicit TimedRecords(const RecordConfiguration& configuration);
+  [[nodiscard]] TimedRecord Next(const TickEntry& entry);
+
+ private:
+  SampleTimes replies_;
+  std::int64_t index_ = 0;  ///< Of the tick after the last one.
+};
 
 /// What telemetry says of the run as a whole.
 /// @throws FileError or RecordError  about a file of the record that cannot be used.

@@ -48,12 +48,13 @@ class RecordToMcap {
 
   std::int64_t Write(const std::vector<PlannedInstant>& plan) {
     record_.Rewind();
+    TimedRecords records(record_.configuration());
     const auto entry = std::make_unique<TickEntry>();
     auto planned = plan.begin();
     std::int64_t ticks = 0, last_ns = 0;
     while (record_.Next(*entry)) {
       TakeTruths();
-      const TimedRecord timed = ToTimedRecord(*entry);
+      const TimedRecord timed = records.Next(*entry);
       last_ns = timed.time_ns;
       for (; planned != plan.end() && planned->time_ns <= last_ns; ++planned)
         mcap_.TakePlan(TimeOf(planned->time_ns), planned->root, planned->joints);

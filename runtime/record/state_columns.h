@@ -51,7 +51,8 @@ void ForEachTickColumn(const state_t& state, Visit&& visit) {
 }
 
 /// Calls `visit(field, in_message)` for the columns of each joint. Planned, limited, encoded and
-/// measured values come first. A column's name is the joint's, `_` and `field.column`.
+/// measured values come first, and `kReplySampled` last. A column's name is the joint's, `_` and
+/// `field.column`.
 template <typename Visit>
 void ForEachJointColumn(const Visit& visit) {
   for (const bool of_part : {true, false}) {
@@ -61,6 +62,8 @@ void ForEachJointColumn(const Visit& visit) {
       }
     });
   }
+  visit(
+      kReplySampled, [](auto& message) noexcept -> auto& { return message.reply_sampled_us; });
 }
 
 /// The columns that come after those of the joints, as ForEachTickColumn.

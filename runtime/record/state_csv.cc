@@ -13,8 +13,9 @@ namespace tumbler {
 namespace {
 
 /// Whether the field is empty in a table where it is NaN: nothing was measured.
-bool IsTorque(const JointField& field) {
-  return std::string_view(field.name) == "measured.torque_nm";
+bool MayBeEmpty(const JointField& field) {
+  const std::string_view column = field.column;
+  return column == "measured_torque_nm" || column == kReplySampled.column;
 }
 
 /// Appends a value and a comma.
@@ -66,7 +67,7 @@ void AppendStateCsvRow(const state_t& state, std::string& csv) {
     ForEachJointColumn([&](const JointField& field, auto in_message) {
       const auto& value = in_message(joint);
       if constexpr (std::is_floating_point_v<std::remove_cvref_t<decltype(value)>>) {
-        if (std::isnan(value) && IsTorque(field)) {
+        if (std::isnan(value) && MayBeEmpty(field)) {
           csv += ',';
           return;
         }

@@ -105,7 +105,12 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   timed_.wake_up_ns = static_cast<float>(late_ns);
   timed_.tick_ns = static_cast<float>(duration_ns);
   timed_.record = output_.record;
-  if (parts_.telemetry != nullptr) parts_.telemetry->Push(timed_);
+  if (parts_.telemetry != nullptr) {
+    parts_.replies.Receive({received_.data(), count});
+    parts_.replies.Send(notes.send_ns, {to_send_.data(), notes.sent_count});
+    timed_.TakeSampleTimes(parts_.replies);
+    parts_.telemetry->Push(timed_);
+  }
   if (parts_.recorder != nullptr) {
     notes.deadline_ns = timed_.time_ns;
     notes.due_ns = deadline_ns;

@@ -7,6 +7,7 @@
 #include "common/core/primitive.h"
 #include "common/core/realtime.h"
 #include "firmware_interface/can/bus.h"
+#include "firmware_interface/devices/sample_times.h"
 #include "runtime/assembly/clock.h"
 #include "runtime/assembly/histogram.h"
 #include "runtime/assembly/operator_mailbox.h"
@@ -73,6 +74,7 @@ class ControlLoop {
     OperatorMailbox& mailbox;
     Telemetry* telemetry = nullptr;      ///< May be null.
     FlightRecorder* recorder = nullptr;  ///< May be null.
+    SampleTimes replies = {};            ///< Of the executor's drives; of none: not known.
   };
   /// @param start_ns  time of tick 0 on the clock.
   ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept;

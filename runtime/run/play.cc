@@ -40,7 +40,8 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
   const std::int64_t start_ns = world_.real_time() ? clock.now_ns() + period_ns : 0;
   loop_ = std::make_unique<ControlLoop>(
       ControlLoop::Parts{assembly_.executor(), world_.bus(), clock, *procedure_, InterruptMailbox(),
-                         outputs_.telemetry, outputs_.recorder},
+                         outputs_.telemetry, outputs_.recorder,
+                         SampleTimesOf(assembly_.parts().drives)},
       period_ns, start_ns);
   while (loop_->Step()) {
     if (service_) service_->NoteTick();

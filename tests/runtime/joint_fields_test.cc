@@ -3,6 +3,7 @@
 
 #include "runtime/executor/joint_fields.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -46,6 +47,7 @@ std::string Message() {
     said = field.meaning;
     text += "\n";
   });
+  text += fmt::format("    float   {};  // {}\n", kReplySampled.column, kReplySampled.meaning);
   return text + "}\n";
 }
 
@@ -57,6 +59,8 @@ std::string Table() {
          std::to_string(sizeof(JointFieldType<decltype(in_record)>)), field.unit, field.meaning,
          field.status == nullptr ? "" : "`" + std::string(field.status) + "`"});
   });
+  text += testing::MarkdownRow({"`" + std::string(kReplySampled.column) + "`", "",
+                                kReplySampled.unit, kReplySampled.meaning, ""});
   return text;
 }
 
@@ -77,6 +81,7 @@ struct FilledTick {
       in_record(timed.record.joints[0]) = static_cast<Type>(++value);
     });
     timed.record.joints[0].drive_error = 0xffffffffU;
+    timed.reply_sampled_us[0] = -21;
     timed.record.sensor = {3, 4, 5, 6, 7, 2, SensorStatus::kOk};
     FillState(timed, message);
   }
@@ -95,6 +100,7 @@ TEST(JointFields, AMessageHoldsEachOfThemUnchanged) {
   EXPECT_EQ(tick.message.joints[0].planned_velocity_rad_s, 2.0F);
   EXPECT_EQ(tick.message.joints[0].measured_torque_nm, 13.0F);
   EXPECT_EQ(tick.message.joints[0].drive_error, 0xffffffffLL);
+  EXPECT_EQ(tick.message.joints[0].reply_sampled_us, -21.0F);
 }
 
 /// How many fields a line of CSV has, by its commas outside quotes.
@@ -127,12 +133,13 @@ TEST(JointFields, AColumnOfTheTableStaysWhereReadersOfItExpectIt) {
             ",leg_measured_position_rad,leg_measured_velocity_rad_s,leg_measured_torque_nm"
             ",leg_planned_acceleration_rad_s2,leg_temperature_c,leg_reply_age_ticks"
             ",leg_drive_state,leg_reply_status,leg_drive_error,leg_limit_active,leg_correction_rad"
+            ",leg_reply_sampled_us"
             ",sensor_status,sensor_age_ticks,sensor_pitch_rad,sensor_rate_rad_s"
             ",feedback_error_rad,feedback_rate_error_rad_s,feedback_share");
   std::string row;
   AppendStateCsvRow(FilledTick().message, row);
   EXPECT_EQ(row.substr(row.find(",1,2,3,")),
-            ",1,2,3,5,6,7,8,9,10,11,12,13,4,14,15,16,17,4294967295,1,20,1,2,3,4,5,6,7\n");
+            ",1,2,3,5,6,7,8,9,10,11,12,13,4,14,15,16,17,4294967295,1,20,-21,1,2,3,4,5,6,7\n");
 }
 
 TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
@@ -143,7 +150,7 @@ TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
   std::string row;
   AppendStateCsvRow(tick.message, row);
   EXPECT_EQ(row.substr(row.find(",1,2,3,")),
-            ",1,2,3,5,6,7,8,9,10,11,12,,4,14,15,16,17,4294967295,1,20,1,2,3,4,5,6,7\n");
+            ",1,2,3,5,6,7,8,9,10,11,12,,4,14,15,16,17,4294967295,1,20,-21,1,2,3,4,5,6,7\n");
   LiveView view;
   view.Take(tick.message);
   const Json status = Json::Parse(view.ToJson()).value();

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -47,6 +48,50 @@ TEST(MessageReaders, AreReadOnlyWhenTheyAreWhole) {
   event_t event{};
   event.text = "<b>";
   ExpectOnlyWholeMessages(event);
+}
+
+/// A message of version 0.1: with the fingerprint of then, and without the last field of its
+/// joints.
+std::vector<std::uint8_t> Former(const state_t& state) {
+  const std::vector<std::uint8_t> now = Bytes(state);
+  std::vector<std::uint8_t> bytes = {0x55, 0x79, 0x99, 0x36, 0x3e, 0x7f, 0xbd, 0x65};
+  const std::size_t joint = static_cast<std::size_t>(joint_state_t{}._getEncodedSizeNoHash());
+  const std::size_t joints = now.size() - state.joints.size() * joint;
+  bytes.insert(bytes.end(), now.begin() + 8, now.begin() + static_cast<std::ptrdiff_t>(joints));
+  for (std::size_t at = joints; at < now.size(); at += joint) {
+    const auto begin = now.begin() + static_cast<std::ptrdiff_t>(at);
+    bytes.insert(bytes.end(), begin, begin + static_cast<std::ptrdiff_t>(joint) - 4);
+  }
+  return bytes;
+}
+
+TEST(MessageReaders,
+     StatesOfVersion01AreReadOnlyWhenTheyAreWholeAndDoNotSayWhenRepliesWereSampled) {
+  state_t state = State(7);
+  state.fault_value = 3;
+  state.joints[0].planned_position_rad = 1;
+  state.joints[1].correction_rad = 2;
+  state.joints[1].reply_sampled_us = 5;
+  const std::vector<std::uint8_t> bytes = Former(state);
+  state_t read{};
+  ASSERT_TRUE(ReadMessage(bytes, read));
+  EXPECT_EQ(read.tick, 7);
+  EXPECT_EQ(read.fault_value, 3);
+  ASSERT_EQ(read.joints.size(), 2U);
+  EXPECT_EQ(read.joints[0].planned_position_rad, 1);
+  EXPECT_EQ(read.joints[1].correction_rad, 2);
+  EXPECT_TRUE(std::isnan(read.joints[0].reply_sampled_us));
+  EXPECT_TRUE(std::isnan(read.joints[1].reply_sampled_us));
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    EXPECT_FALSE(ReadMessage(std::span(bytes).first(size), read)) << size;
+  for (int more = 1; more < 100; ++more) {
+    std::vector<std::uint8_t> longer = bytes;
+    longer.resize(longer.size() + static_cast<std::size_t>(more));
+    EXPECT_FALSE(ReadMessage(longer, read)) << more;
+  }
+  std::vector<std::uint8_t> long_one = bytes;
+  long_one.resize(70'000);
+  EXPECT_FALSE(ReadMessage(long_one, read));
 }
 
 space_truth_t TruthInSpace() {

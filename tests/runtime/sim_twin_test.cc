@@ -467,6 +467,95 @@ const std::string kSensorDrives =
     "\n[sensor]\nprotocol = \"xsens-mti\"\nlink = \"middle\"\ntime_rate_hz = 100\n";
 
 /// The robust handstand with a weak feedback on leg 2, whose plan is what the twin does.
+/// What is heard on the bus of a simulated robot, and where its joints were at any time.
+class Witness {
+ public:
+  explicit Witness(SimulatedRobot& robot) : robot_(robot) {
+    SimulatedPortConfig port;
+    port.listen_only = true;
+    port.receive_capacity = 1024;
+    listener_ = &robot.bus().Attach(port);
+  }
+  /// Moves the robot on, and looks every 10 us.
+  void AdvanceTo(std::int64_t time_ns) {
+    while (robot_.now_ns() < time_ns) {
+      robot_.AdvanceTo(std::min(time_ns, robot_.now_ns() + kLook_ns));
+      positions_.push_back({robot_.now_ns(), robot_.state().joint_positions_rad});
+      ReceivedFrame heard;
+      while (listener_->Receive(heard) == Status::kOk) {
+        if (heard.frame.id < asked_ns_.size()) asked_ns_[heard.frame.id] = heard.time_ns;
+      }
+    }
+  }
+  /// The end of the last frame with this identifier.
+  [[nodiscard]] std::int64_t asked_ns(std::size_t id) const { return asked_ns_[id]; }
+  /// Where a joint was.
+  [[nodiscard]] double PositionAt(std::int64_t time_ns, std::size_t joint) const {
+    const auto after = std::ranges::lower_bound(positions_, time_ns, {}, &Look::time_ns);
+    const auto before = after - 1;
+    const double share = static_cast<double>(time_ns - before->time_ns) /
+                         static_cast<double>(after->time_ns - before->time_ns);
+    return (1 - share) * before->joints_rad[joint] + share * after->joints_rad[joint];
+  }
+
+ private:
+  static constexpr std::int64_t kLook_ns = 10'000;
+  struct Look {
+    std::int64_t time_ns = 0;
+    std::vector<double> joints_rad;
+  };
+  SimulatedRobot& robot_;
+  SimulatedPort* listener_ = nullptr;
+  std::vector<Look> positions_;
+  std::array<std::int64_t, 16> asked_ns_{};
+};
+
+TEST_F(SimTwin, TellsToTheBitOfTheBusWhenRepliesWereSampled) {
+  RunParts parts = LoadRunMotion(kPrimitives + "handstand.toml");
+  parts.drives =
+      LoadDrivesOf(JointsOf(parts.file), kPrimitives + "robots/tumbler_drives.toml", ReadTextFile);
+  const DrivesConfig drives = parts.drives;
+  const SimulatedMotion simulated(parts.file);
+  SimulatedRobotConfig config;
+  config.motors.resize(2);
+  for (JointMotor& motor : config.motors) motor.encoder_counts_per_turn = 0;
+  SimulatedRobot robot(simulated, drives, config);
+  Assembly assembly(std::move(parts));
+  ASSERT_EQ(assembly.Configure(ExecutorConfigOf({}, drives)), Status::kOk);
+  SimulatedPort& host = robot.bus().Attach();
+  Witness witness(robot);
+  VirtualClock clock([&witness](std::int64_t time_ns) { witness.AdvanceTo(time_ns); });
+  RunProcedure procedure(ProcedureConfigOf({}, drives, assembly.parts().sequence->graph));
+  OperatorMailbox mailbox;
+  Telemetry telemetry({});
+  ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox, &telemetry, nullptr,
+                    SampleTimesOf(drives)},
+                   1'000'000, 0);
+  std::int64_t compared = 0;
+  double off_most_rad = 0;
+  while (loop.Step()) {
+    telemetry.Drain();
+    if (loop.record().state != ExecutorState::kRunning) continue;
+    for (std::size_t j = 0; j < 2; ++j) {
+      const float sampled_us = loop.timed_record().reply_sampled_us[j];
+      const auto& mit = std::get<MitConfig>(drives.drives[j].config);
+      EXPECT_NEAR(1e3 * double{sampled_us},
+                  static_cast<double>(witness.asked_ns(mit.command_id) - loop.time_ns()), 1);
+      const auto sampled_ns = loop.time_ns() + std::llround(1e3 * double{sampled_us});
+      // The wire rounds a position downwards.
+      const double step_rad = 25.0 / 65535;
+      const double off_rad = witness.PositionAt(sampled_ns, j) -
+                             double{loop.record().joints[j].measured.position_rad} - step_rad / 2;
+      off_most_rad = std::max(off_most_rad, std::abs(off_rad));
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 1000);
+  // Half a step of the wire, and what 12 rad/s are in the 10 us from one look to the next. In the
+  // time of a frame a joint moves ten times as far.
+  EXPECT_LT(off_most_rad, 12.5 / 65535 + 12 * 1e-5);
+}
+
 std::string HandstandWithFeedback() {
   PrimitiveFile file = LoadPrimitive(kPrimitives + "handstand.toml");
   const std::string motion = kPrimitives + "handstand.toml";

@@ -111,6 +111,33 @@ TEST_F(TumblerLog, WritesEveryNumberSoThatItReadsBackExactly) {
   EXPECT_FALSE(std::getline(table, line));
 }
 
+TEST_F(TumblerLog, ReadsALogOfBeforeItWasKnownWhenRepliesWereSampled) {
+  const std::string log = testing::SourcePath("tests/data/records/states_of_0_1.lcm");
+  ASSERT_EQ(Log({log, "--csv", Path("former.csv")}), 4) << "most of it is left out:" << text_;
+  EXPECT_THAT(text_, HasSubstr("missing"));
+  EXPECT_THAT(text_, HasSubstr("0 messages damaged"));
+  std::istringstream table(Read("former.csv"));
+  std::vector<std::vector<std::string>> rows;
+  for (std::string line; std::getline(table, line);) {
+    rows.emplace_back();
+    std::string cell;
+    for (std::istringstream row(line); std::getline(row, cell, ',');) rows.back().push_back(cell);
+  }
+  ASSERT_EQ(rows.size(), 9U);
+  for (const std::string leg : {"leg1", "leg2"}) {
+    const auto column = [&](const std::string& name) {
+      return static_cast<std::size_t>(std::ranges::find(rows[0], leg + "_" + name) -
+                                      rows[0].begin());
+    };
+    // As tumbler run wrote them then; the fields after it have to be in their places, too.
+    EXPECT_EQ(rows[8][column("limited_position_rad")], leg == "leg1" ? "-1.5708803" : "1.570904");
+    EXPECT_EQ(rows[8][column("correction_rad")], "0");
+    EXPECT_EQ(rows[8][column("reply_sampled_us")], "") << "not known";
+  }
+  EXPECT_EQ(Log({log, "--mcap", Path("former.mcap")}), 4) << text_;
+  EXPECT_GT(Read("former.mcap").size(), 1000U);
+}
+
 TEST_F(TumblerLog, CountsWhatWasLost) {
   Copy("holes.lcm", [](const std::string& channel, int number) {
     return channel != kStateChannel || (number != 0 && (number < 50 || number >= 57));

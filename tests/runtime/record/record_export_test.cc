@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <lcm/lcm-cpp.hpp>
 #include <string>
@@ -97,6 +98,47 @@ TEST_F(RecordExport, WritesTheTicksAsTelemetryDoes) {
     ++states;
   }
   EXPECT_EQ(states, ticks);
+}
+
+TEST_F(RecordExport, SaysOfARecordOfVersionFourWhenRepliesWereSampled) {
+  const std::string former = ReadFile(testing::SourcePath("tests/data/records/version_4.rec"));
+  FlightRecord record(AsBytes(former), "version_4.rec");
+  TimedRecords records(record.configuration());
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t known = 0, sent_ns = 0;
+  while (record.Next(*entry)) {
+    const TimedRecord timed = records.Next(*entry);
+    const double asked_us = 1e-3 * static_cast<double>(sent_ns - timed.time_ns);
+    sent_ns = entry->notes.send_ns;
+    for (std::size_t j = 0; j < timed.record.joint_count; ++j) {
+      if (timed.record.joints[j].reply_age_ticks != 0) {
+        EXPECT_TRUE(std::isnan(timed.reply_sampled_us[j])) << "the first tick";
+        continue;
+      }
+      EXPECT_GT(timed.reply_sampled_us[j], asked_us);
+      EXPECT_LT(timed.reply_sampled_us[j], 0);
+      ++known;
+    }
+  }
+  EXPECT_EQ(known, 2 * 237);
+}
+
+TEST_F(RecordExport, AReplyToASetpointThatWasNotRecordedWasSampledBeforeItBegan) {
+  TimedRecords all(configuration_), some(configuration_);
+  const auto entry = std::make_unique<TickEntry>();
+  record_->Rewind();
+  for (std::int64_t tick = 0; tick < 20 && record_->Next(*entry); ++tick) {
+    const TimedRecord whole = all.Next(*entry);
+    if (tick == 9) continue;  // lost
+    const TimedRecord with_loss = some.Next(*entry);
+    for (std::size_t j = 0; j < 2 && tick > 0; ++j) {
+      if (tick == 10) {
+        EXPECT_GE(with_loss.reply_sampled_us[j], whole.reply_sampled_us[j]);
+      } else {
+        EXPECT_EQ(with_loss.reply_sampled_us[j], whole.reply_sampled_us[j]) << tick;
+      }
+    }
+  }
 }
 
 TEST_F(RecordExport, SummaryNamesWhatThereIs) {
