@@ -48,6 +48,14 @@ double Quantile(std::vector<double> values, double part) {
   return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
 }
 
+/// "gate closed (+ + - +)": which of its robots stand, the mean first.
+std::string Verdict(const GateOutcome& gate) {
+  std::string robots;
+  for (const TrialOutcome& robot : gate.robots)
+    robots += fmt::format("{}{}", robots.empty() ? "" : " ", robot.stands() ? '+' : '-');
+  return fmt::format("gate {} ({})", gate.open() ? "open" : "closed", robots);
+}
+
 /// The coordinate that a hidden robot has.
 double TruthOf(const Scene& scene, const testing::HiddenRobot& robot, const RobotQuantity& of) {
   using Kind = RobotQuantity::Kind;
@@ -80,10 +88,11 @@ struct StudySettings {
   int robots = 20, first = 0;
   double torque = 1, filter_s = 0, lag_s = 0, weight = 0;
   testing::HiddenBesides besides;
-  std::string task, guess, gated;
+  std::string task, guess;
+  std::vector<std::string> gated;
   int falls = 0;
   bool one_by_one = false;
-  bool effective = false;
+  bool effective = false, each = false;
   double mujoco_s = 0;
   TuningSettings tuning;
   std::vector<double> annealing;
@@ -106,7 +115,7 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--rotor", s.besides.rotor, "deviation of the rotors', a factor").Within(0.0, 1.0);
   line.Option("--creep-speed", s.besides.creep_speed, "deviation of it, a factor").Within(0.0, 1.0);
   line.Option("--length", s.besides.length, "deviation of each link's, a factor").Within(0.0, 1.0);
-  line.Option("--gated", s.gated, "a motion that the gate is asked about, and that is then played");
+  line.Option("--gated", s.gated, "motions that the gate is asked about, and that are then played");
   line.Option("--falls", s.falls, "end with so many robots that fail in it").Within(0, 100000);
   line.Flag("--one-by-one", s.one_by_one, "fit the records one after the other, and compare");
 #ifdef TUMBLER_WITH_MUJOCO
@@ -115,6 +124,7 @@ StudySettings Parse(int argc, char** argv) {
       .Within(0.0, 1.0);
 #endif
   line.Option("--draws", s.gate.draws, "of the gate").Within(0, 1000);
+  line.Option("--deviations", s.gate.deviations, "of the gate's draws").Within(0.0, 10.0);
   line.Option("--margin-torque", s.gate.margins.torque_limit, "of the gate").Within(0.0, 1.0);
   line.Option("--margin-delay-s", s.gate.margins.delay_s, "of the gate").Within(0.0, 1.0);
   line.Option("--weigh", s.weight, "1: the robot is weighed").Within(0.0, 1.0);
@@ -123,6 +133,7 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--generations", s.tuning.generations, "at most, of finding it anew").Within(1, 1000);
   line.Option("--rounds", s.tuning.rounds, "of them").Within(1, 10);
   line.Option("--annealing", s.annealing, "of fits");
+  line.Flag("--each", s.each, "print every quantity of every robot");
   line.Flag("--effective", s.effective, "errors of effective models count, too");
   line.Seed(s.seed, "of the robots");
   line.Parse(argc, argv);
@@ -234,6 +245,12 @@ void Study::FitOne(int number) {
   if (!settings_.task.empty()) Tune(robot, known, folder.path().string());
   wrong_ += off ? 1 : 0;
   missed_ += off && !fit.effective ? 1 : 0;
+  for (std::size_t q = 0; settings_.each && q < fit.posterior.size(); ++q) {
+    const RobotQuantity& quantity = fit.posterior.quantities[q];
+    fmt::print("  {:32} {:10.4g} +- {:.2g}, truth {:.4g}, {:.0f} %\n", NameOf(quantity),
+               fit.posterior.mean[q], fit.posterior.DeviationOf(q),
+               TruthOf(runs_.front().scene(), robot, quantity), 100 * fit.ShareLeft(q));
+  }
   fmt::print("{}: chi {:.3f} starts {} cpu {:.2f} s{}{}\n", number, fit.chi, fit.starts,
              cpu_.back(), fit.effective ? " effective" : "", rests ? "" : " (not as asked)");
   std::fflush(stdout);
@@ -275,14 +292,16 @@ bool Study::NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit)
 }
 
 void Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known) {
-  const bool open = PassGate(settings_.gated, settings_.drives, known, settings_.gate).open();
-  const bool works = RunsOf(settings_.gated).Play(robot);
-  if (open) {
-    (works ? open_stands_ : open_falls_) += 1;
-  } else {
-    (works ? closed_stands_ : closed_falls_) += 1;
+  for (const std::string& motion : settings_.gated) {
+    const GateOutcome gate = PassGate(motion, settings_.drives, known, settings_.gate);
+    const bool works = RunsOf(motion).Play(robot);
+    if (gate.open()) {
+      (works ? open_stands_ : open_falls_) += 1;
+    } else {
+      (works ? closed_stands_ : closed_falls_) += 1;
+    }
+    fmt::print("  {}: {}, {}\n", motion, Verdict(gate), works ? "stands" : "falls");
   }
-  fmt::print("  gate {}, {}\n", open ? "open" : "closed", works ? "stands" : "falls");
 }
 
 void Study::Tune(const testing::HiddenRobot& robot, const PosteriorFile& known,
@@ -298,9 +317,7 @@ void Study::Tune(const testing::HiddenRobot& robot, const PosteriorFile& known,
     const GateOutcome gate = PassGate(motion, settings_.drives, known, settings_.gate);
     if (!gate.open()) {
       ++refused_;
-      became = "refused by the gate:";
-      for (const TrialOutcome& tried : gate.robots) became += tried.stands() ? " +" : " -";
-      became += RunsOf(motion).Play(robot) ? ", would stand" : ", would fall";
+      became = Verdict(gate) + (RunsOf(motion).Play(robot) ? ", would stand" : ", would fall");
     } else {
       const bool works = RunsOf(motion).Play(robot);
       (works ? stands_ : fell_) += 1;
