@@ -23,9 +23,9 @@ constexpr double kHalfDepth_m = 0.05, kObstacleHalfDepth_m = 1;
 
 class Writer {
  public:
-  Writer(const SimulatedMotion& motion, const DriveGains& gains)
+  Writer(const SimulatedMotion& motion, const Scene& scene, const DriveGains& gains)
       : motion_(motion),
-        scene_(motion.scene()),
+        scene_(scene),
         problem_(motion.ProblemAt(motion.file().graph.start)),
         robot_(scene_.robot),
         gains_(gains) {}
@@ -242,7 +242,11 @@ double ClearanceAt(const Scene& scene, std::span<const double> q) {
 
 std::string ToMjcf(const SimulatedMotion& motion, const DriveGains& gains) {
   if (motion.ProblemAt(motion.file().graph.start).space) return ToMjcfInSpace(motion, gains);
-  return Writer(motion, gains).Text();
+  return ToMjcf(motion, motion.scene(), gains);
+}
+
+std::string ToMjcf(const SimulatedMotion& motion, const Scene& scene, const DriveGains& gains) {
+  return Writer(motion, scene, gains).Text();
 }
 
 }  // namespace tumbler

@@ -29,6 +29,8 @@ double ClearanceAt(const Scene& scene, std::span<const double> q);
 /// @param gains  of the drives.
 /// @throws FileError  when a primitive's texts cannot be used.
 std::string ToMjcf(const SimulatedMotion& motion, const DriveGains& gains);
+/// That of a robot in the plane which differs from the motion's, with the same links and joints.
+std::string ToMjcf(const SimulatedMotion& motion, const Scene& scene, const DriveGains& gains);
 /// That of a robot in space.
 std::string ToMjcfInSpace(const SimulatedMotion& motion, const DriveGains& gains);
 

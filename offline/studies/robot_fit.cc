@@ -223,12 +223,26 @@ class Fitter {
 
   Found From(VectorXd u) {
     Found found;
-    for (const double noise : settings_.annealing) {
-      for (int i = 0; i < settings_.iterations && !Interrupted(); ++i) {
-        if (!Step(u, noise, found)) break;
-      }
-    }
+    for (const double noise : settings_.annealing) Descend(noise, settings_.iterations, u, found);
     return found;
+  }
+
+  /// The best with so much noise, from the prior's mean or from a robot.
+  Found With(double noise, const VectorXd& robot) {
+    constexpr double kRough = 30;
+    constexpr int kLonger = 2;  // Residuals that are not explained let steps gain little.
+    Found best;
+    double least = std::numeric_limits<double>::infinity();
+    for (VectorXd u : {objective_.Allowed(VectorXd::Zero(robot.size())), robot}) {
+      Found found;
+      Descend(std::max(noise, kRough), kLonger * settings_.iterations, u, found);
+      Descend(noise, kLonger * settings_.iterations, u, found);
+      const double value = objective_.ValueOf(found.residuals, found.u, noise);
+      if (value >= least) continue;
+      least = value;
+      best = found;
+    }
+    return best;
   }
 
   [[nodiscard]] bool Interrupted() const {
@@ -236,6 +250,12 @@ class Fitter {
   }
 
  private:
+  void Descend(double noise, int iterations, VectorXd& u, Found& found) {
+    for (int i = 0; i < iterations && !Interrupted(); ++i) {
+      if (!Step(u, noise, found)) break;
+    }
+  }
+
   /// @returns whether another step may gain something.
   bool Step(VectorXd& u, double noise, Found& found) {
     const MatrixXd J = objective_.Derivatives(u, settings_.per_tick_rough);
@@ -334,13 +354,39 @@ double ChiOf(const std::vector<FitResiduals>& records) {
   return std::sqrt(squares / std::max(1.0, readings));
 }
 
+/// A robot that does not explain its records.
+struct Effective {
+  Found found;
+  double noise = 1;
+};
+
+/// What a model does not explain is no noise of single readings. It is as large as the residuals
+/// are, and lasts for a bump of them, which says as much as one reading. Without it such a robot is
+/// far from any that could have been built, for little that its residuals gain.
+Effective FitEffective(Objective& objective, double tick_s, Fitter& fitter, const Found& best) {
+  constexpr int kRounds = 3;
+  constexpr double kGains = 0.8;  // Of the residuals, for another round.
+  Effective effective{best};
+  double chi = ChiOf(Split(objective, best.residuals));
+  for (int round = 0; round < kRounds; ++round) {
+    effective.noise = chi * std::sqrt(kBlock_s / tick_s);
+    effective.found = fitter.With(effective.noise, effective.found.u);
+    const double before = chi;
+    chi = ChiOf(Split(objective, effective.found.residuals));
+    if (chi > kGains * before) break;
+  }
+  return effective;
+}
+
 /// Halves the integrator's error of a solution, by a step from the residuals with half the steps.
 /// The drives' loops stay as slow as they are. (Extrapolation to no steps at all loses more by the
 /// noise of impacts than it gains.)
-void Refine(Objective& objective, const MatrixXd& J, const FitSettings& settings, Found& found) {
+void Refine(Objective& objective, const MatrixXd& J, double noise, const FitSettings& settings,
+            Found& found) {
   const VectorXd fine = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
-  const MatrixXd A = J.transpose() * J + objective.precision();
-  const VectorXd gradient = J.transpose() * fine + objective.PullOf(found.u);
+  const double weight = 1 / (noise * noise);
+  const MatrixXd A = weight * J.transpose() * J + objective.precision();
+  const VectorXd gradient = weight * J.transpose() * fine + objective.PullOf(found.u);
   found.u += objective.StepOf(A, gradient, found.u);
   found.residuals = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
 }
@@ -352,9 +398,10 @@ struct About {
 };
 
 /// @param J  derivatives there.
-About LookAbout(Objective& objective, const MatrixXd& J, const Found& found) {
+About LookAbout(Objective& objective, const MatrixXd& J, double noise, const Found& found) {
+  const double weight = 1 / (noise * noise);
   About about;
-  about.hessian = J.transpose() * J + objective.precision();
+  about.hessian = weight * J.transpose() * J + objective.precision();
   about.gradient_covariance = objective.gradient_covariance();
   Eigen::Index row = 0;
   for (const auto& replay : objective.replays()) {
@@ -364,14 +411,15 @@ About LookAbout(Objective& objective, const MatrixXd& J, const Found& found) {
                                motion.joint_count());
     for (Eigen::Index at = 0; at < rows; at += block) {
       const Eigen::Index length = std::min(block, rows - at);
-      const VectorXd score =
-          J.middleRows(row + at, length).transpose() * found.residuals.segment(row + at, length);
+      const VectorXd score = weight * J.middleRows(row + at, length).transpose() *
+                             found.residuals.segment(row + at, length);
       about.gradient_covariance += score * score.transpose();
     }
     row += rows;
   }
-  for (; row < J.rows(); ++row) about.gradient_covariance += J.row(row).transpose() * J.row(row);
-  const VectorXd gradient = J.transpose() * found.residuals + objective.PullOf(found.u);
+  for (; row < J.rows(); ++row)
+    about.gradient_covariance += weight * J.row(row).transpose() * J.row(row);
+  const VectorXd gradient = weight * J.transpose() * found.residuals + objective.PullOf(found.u);
   about.centre = found.u - about.hessian.ldlt().solve(gradient);
   return about;
 }
@@ -460,14 +508,25 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   outcome.interrupted = fitter.Interrupted();
   outcome.first_deviations = objective.deviations();
   if (best.u.size() == 0) return outcome;
+  double noise = 1;
+  const auto chi_of = [&](const Found& found) { return ChiOf(Split(objective, found.residuals)); };
+  if (chi_of(best) > settings.chi_max && !outcome.interrupted) {
+    const Effective effective = FitEffective(objective, records.front().tick_s, fitter, best);
+    // That may be nearer to a robot that explains the records than any other start was.
+    const Found found = fitter.From(effective.found.u);
+    ++outcome.starts;
+    const bool explains = chi_of(found) <= settings.chi_max;
+    best = explains ? found : effective.found;
+    if (!explains) noise = effective.noise;
+  }
   MatrixXd J = objective.Derivatives(best.u, settings.per_tick);
-  Refine(objective, J, settings, best);
+  Refine(objective, J, noise, settings, best);
   J = objective.Derivatives(best.u, settings.per_tick);
-  Refine(objective, J, settings, best);
+  Refine(objective, J, noise, settings, best);
   outcome.records = Split(objective, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
-  const About about = LookAbout(objective, J, best);
+  const About about = LookAbout(objective, J, noise, best);
   outcome.information = InformationOf(objective, about);
   const MatrixXd of_variables = Sandwich(about);
   const std::size_t n = prior.known.size();

@@ -126,25 +126,6 @@ SceneOf<Space> Changed(SceneOf<Space> scene, const TwinConfig& config) {
   return scene;
 }
 
-}  // namespace
-
-/// A twin in the plane or in space, by what `Twin` does.
-class TwinBody {
- public:
-  TwinBody() = default;
-  virtual ~TwinBody() = default;
-  TwinBody(const TwinBody&) = delete;
-  TwinBody& operator=(const TwinBody&) = delete;
-  virtual void AdvanceTo(std::int64_t time_ns) = 0;
-  [[nodiscard]] virtual const TwinState& state() const = 0;
-  [[nodiscard]] virtual std::vector<TwinContact> contacts() const = 0;
-  virtual void Displace(std::span<const double> q, std::span<const double> v) = 0;
-  virtual void ForgetImpacts() = 0;
-  virtual void PutBack() = 0;
-};
-
-namespace {
-
 template <class Space>
 class TwinIn final : public TwinBody {
   using Dynamics = SceneDynamicsIn<Space>;
@@ -654,7 +635,9 @@ void TwinIn<Space>::PutBack() {
 
 Twin::Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config,
            SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
-    : body_(std::make_unique<TwinIn<Plane>>(scene, start, config, bus, std::move(drives))) {}
+    : body_(config.engine
+                ? config.engine(Changed<Plane>(scene, config), start, bus, std::move(drives))
+                : std::make_unique<TwinIn<Plane>>(scene, start, config, bus, std::move(drives))) {}
 Twin::Twin(const SpaceScene& scene, const PrimitivePose& start, const TwinConfig& config,
            SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
     : body_(std::make_unique<TwinIn<Spatial>>(scene, start, config, bus, std::move(drives))) {}

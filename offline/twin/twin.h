@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -56,6 +57,17 @@ inline constexpr double kTwinStepError = 1e-3;
 /// The longest step: a foot at 3 m/s crosses the layer in which contact begins in 1.3 ms.
 inline constexpr std::int64_t kTwinLongestStep_ns = 800'000;
 
+class TwinBody;
+
+/// Makes the physics of a robot in the plane, by another engine than ours.
+/// @param scene   with all that the configuration of the twin changes: every joint is driven by a
+///                torque, and `motors` has the friction of each.
+/// @param start   the pose in which the robot begins, at rest.
+/// @param drives  one for each joint of the robot, in its order; as the bus they outlive the body.
+using TwinEngine = std::function<std::unique_ptr<TwinBody>(
+    const Scene& scene, const PrimitivePose& start, SimulatedBus& bus,
+    std::vector<SimulatedDrive*> drives)>;
+
 /// Settings of a simulated robot: how it is simulated, and where it differs from its scene.
 struct TwinConfig {
   /// How long the steps of the physics are.
@@ -95,6 +107,10 @@ struct TwinConfig {
   std::vector<Obstacle<Spatial>> obstacles_in_space;
   std::vector<FrictionPatch> patches;
   std::vector<Push> pushes;
+
+  /// Null: our own physics. Another engine has steps, stops and contacts of its own, holds the
+  /// robot until every drive is enabled, and knows no stand, patches or pushes.
+  TwinEngine engine;
 };
 
 /// A link of the robot that touches something.
@@ -135,7 +151,21 @@ struct TwinState {
   std::string overlapping;  ///< The two shapes that overlap most: "leg1_link/0 and leg2_link/1".
 };
 
-class TwinBody;
+/// The equations of motion behind a robot's simulated drives, and what solves them.
+class TwinBody {
+ public:
+  TwinBody() = default;
+  virtual ~TwinBody() = default;
+  TwinBody(const TwinBody&) = delete;
+  TwinBody& operator=(const TwinBody&) = delete;
+  /// What they do: as the functions of Twin.
+  virtual void AdvanceTo(std::int64_t time_ns) = 0;
+  [[nodiscard]] virtual const TwinState& state() const = 0;
+  [[nodiscard]] virtual std::vector<TwinContact> contacts() const = 0;
+  virtual void Displace(std::span<const double> q, std::span<const double> v) = 0;
+  virtual void ForgetImpacts() = 0;
+  virtual void PutBack() = 0;
+};
 
 /// The physics of a robot, contact included, behind simulated drives on a simulated bus. Robot and
 /// ground are those of a scene in the plane or in space, apart from what the configuration changes.

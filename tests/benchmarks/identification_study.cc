@@ -1,5 +1,6 @@
 // What an identification is worth, over hidden robots: errors, coverage of intervals, chi, CPU
-// time. docs/identify.md has its figures.
+// time; and of motions that are found anew for them. In the twin, or, in a build that has it, in
+// MuJoCo. docs/identify.md has its figures.
 
 #include <fmt/format.h>
 
@@ -20,16 +21,17 @@
 #include "common/core/index.h"
 #include "common/files/command_line.h"
 #include "common/files/program.h"
-#include "common/files/result_file.h"
-#include "offline/certify/task_result.h"
 #include "offline/problem/posterior_toml.h"
-#include "offline/solve/guess.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/identified_model.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/robot_fit.h"
 #include "tests/support/files.h"
 #include "tests/support/hidden_robot.h"
+#include "tests/support/tuned_motion.h"
+#ifdef TUMBLER_WITH_MUJOCO
+#include "tests/support/mujoco_robot.h"
+#endif
 
 namespace tumbler {
 namespace {
@@ -44,6 +46,14 @@ double Quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0;
   std::ranges::sort(values);
   return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
+}
+
+/// "gate closed (+ + - +)": which of its robots stand, the mean first.
+std::string Verdict(const GateOutcome& gate) {
+  std::string robots;
+  for (const TrialOutcome& robot : gate.robots)
+    robots += fmt::format("{}{}", robots.empty() ? "" : " ", robot.stands() ? '+' : '-');
+  return fmt::format("gate {} ({})", gate.open() ? "open" : "closed", robots);
 }
 
 /// The coordinate that a hidden robot has.
@@ -78,9 +88,14 @@ struct StudySettings {
   int robots = 20, first = 0;
   double torque = 1, filter_s = 0, lag_s = 0, weight = 0;
   testing::HiddenBesides besides;
-  std::string task, guess, gated;
+  std::string task, guess;
+  std::vector<std::string> gated;
   int falls = 0;
   bool one_by_one = false;
+  bool effective = false, each = false;
+  double mujoco_s = 0;
+  TuningSettings tuning;
+  std::vector<double> annealing;
   GateSettings gate;
   std::optional<std::uint64_t> seed;
 };
@@ -100,15 +115,26 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--rotor", s.besides.rotor, "deviation of the rotors', a factor").Within(0.0, 1.0);
   line.Option("--creep-speed", s.besides.creep_speed, "deviation of it, a factor").Within(0.0, 1.0);
   line.Option("--length", s.besides.length, "deviation of each link's, a factor").Within(0.0, 1.0);
-  line.Option("--gated", s.gated, "a motion that the gate is asked about, and that is then played");
+  line.Option("--gated", s.gated, "motions that the gate is asked about, and that are then played");
   line.Option("--falls", s.falls, "end with so many robots that fail in it").Within(0, 100000);
   line.Flag("--one-by-one", s.one_by_one, "fit the records one after the other, and compare");
+#ifdef TUMBLER_WITH_MUJOCO
+  line.Option("--mujoco-s", s.mujoco_s,
+              "robots are in MuJoCo, with this time constant of contacts; 0: in the twin")
+      .Within(0.0, 1.0);
+#endif
   line.Option("--draws", s.gate.draws, "of the gate").Within(0, 1000);
+  line.Option("--deviations", s.gate.deviations, "of the gate's draws").Within(0.0, 10.0);
   line.Option("--margin-torque", s.gate.margins.torque_limit, "of the gate").Within(0.0, 1.0);
   line.Option("--margin-delay-s", s.gate.margins.delay_s, "of the gate").Within(0.0, 1.0);
   line.Option("--weigh", s.weight, "1: the robot is weighed").Within(0.0, 1.0);
   line.Option("--task", s.task, "of a motion that is found anew for robots on which it fails");
   line.Option("--guess", s.guess, "that motion");
+  line.Option("--generations", s.tuning.generations, "at most, of finding it anew").Within(1, 1000);
+  line.Option("--rounds", s.tuning.rounds, "of them").Within(1, 10);
+  line.Option("--annealing", s.annealing, "of fits");
+  line.Flag("--each", s.each, "print every quantity of every robot");
+  line.Flag("--effective", s.effective, "errors of effective models count, too");
   line.Seed(s.seed, "of the robots");
   line.Parse(argc, argv);
   return s;
@@ -118,7 +144,7 @@ StudySettings Parse(int argc, char** argv) {
 class Study {
  public:
   explicit Study(const StudySettings& settings) : settings_(settings) {
-    for (const std::string& motion : settings.motions) runs_.emplace_back(motion, settings.drives);
+    for (const std::string& motion : settings.motions) runs_.push_back(RunsOf(motion));
   }
 
   void FitOne(int number);
@@ -133,6 +159,8 @@ class Study {
     std::vector<double> errors, sigmas, shares;
   };
 
+  /// What hidden robots do with a motion.
+  [[nodiscard]] testing::HiddenRuns RunsOf(const std::string& motion) const;
   [[nodiscard]] testing::HiddenRobot Draw(int number) const;
   void FitOneByOne(std::span<const RecordedMotion> records, const FitSettings& fit_settings,
                    const FitOutcome& fit);
@@ -153,6 +181,19 @@ class Study {
   int stood_ = 0, not_found_ = 0, refused_ = 0, stands_ = 0, fell_ = 0;
 };
 
+testing::HiddenRuns Study::RunsOf(const std::string& motion) const {
+  testing::HiddenRuns runs(motion, settings_.drives);
+  // The true robot is what differs from the first model, whatever a motion was made for.
+  if (!runs_.empty()) runs.OfModel(runs_.front().scene());
+#ifdef TUMBLER_WITH_MUJOCO
+  if (settings_.mujoco_s > 0) {
+    runs.Behind(testing::MujocoEngine(
+        runs.motion(), {.time_constant_s = settings_.mujoco_s, .model = runs.scene().contact}));
+  }
+#endif
+  return runs;
+}
+
 testing::HiddenRobot Study::Draw(int number) const {
   const std::uint64_t seed = settings_.seed.value_or(1);
   const auto index = static_cast<std::uint64_t>(number);
@@ -167,8 +208,7 @@ testing::HiddenRobot Study::Draw(int number) const {
 void Study::FitOne(int number) {
   const testing::HiddenRobot robot = Draw(number);
   const testing::TemporaryFolder folder;
-  if (!settings_.task.empty() &&
-      testing::HiddenRuns(settings_.guess, settings_.drives).Play(robot)) {
+  if (!settings_.task.empty() && RunsOf(settings_.guess).Play(robot)) {
     ++stood_;
     return;  // A motion that stands is never replaced.
   }
@@ -184,6 +224,7 @@ void Study::FitOne(int number) {
   }
   const double start = CpuSeconds();
   FitSettings settings;
+  if (!settings_.annealing.empty()) settings.annealing = settings_.annealing;
   const bool weighed = settings_.weight > 0;
   if (weighed) {
     const Scene varied = Varied(runs_.front().scene(), robot.variation);
@@ -197,10 +238,19 @@ void Study::FitOne(int number) {
   const bool off = NoteErrors(robot, fit);
   PosteriorFile known;
   known.posterior = fit.posterior;
+  known.prior_deviations = fit.first_deviations;
+  known.effective = fit.effective;
+  known.chi = fit.chi;
   if (!settings_.gated.empty()) AskGate(robot, known);
   if (!settings_.task.empty()) Tune(robot, known, folder.path().string());
   wrong_ += off ? 1 : 0;
   missed_ += off && !fit.effective ? 1 : 0;
+  for (std::size_t q = 0; settings_.each && q < fit.posterior.size(); ++q) {
+    const RobotQuantity& quantity = fit.posterior.quantities[q];
+    fmt::print("  {:32} {:10.4g} +- {:.2g}, truth {:.4g}, {:.0f} %\n", NameOf(quantity),
+               fit.posterior.mean[q], fit.posterior.DeviationOf(q),
+               TruthOf(runs_.front().scene(), robot, quantity), 100 * fit.ShareLeft(q));
+  }
   fmt::print("{}: chi {:.3f} starts {} cpu {:.2f} s{}{}\n", number, fit.chi, fit.starts,
              cpu_.back(), fit.effective ? " effective" : "", rests ? "" : " (not as asked)");
   std::fflush(stdout);
@@ -233,7 +283,7 @@ bool Study::NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit)
     if (quantity.kind == RobotQuantity::Kind::kMass && std::abs(error) > 0.08) off = true;
     if (std::isnan(truth)) continue;
     // Statistics of wrong fits that chi flags are not those of intervals.
-    if (fit.effective) continue;
+    if (fit.effective && !settings_.effective) continue;
     figures.errors.push_back(std::abs(error));
     figures.sigmas.push_back(error / fit.posterior.DeviationOf(q));
     figures.shares.push_back(fit.ShareLeft(q));
@@ -242,40 +292,34 @@ bool Study::NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit)
 }
 
 void Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known) {
-  const bool open = PassGate(settings_.gated, settings_.drives, known, settings_.gate).open();
-  const bool works = testing::HiddenRuns(settings_.gated, settings_.drives).Play(robot);
-  if (open) {
-    (works ? open_stands_ : open_falls_) += 1;
-  } else {
-    (works ? closed_stands_ : closed_falls_) += 1;
+  for (const std::string& motion : settings_.gated) {
+    const GateOutcome gate = PassGate(motion, settings_.drives, known, settings_.gate);
+    const bool works = RunsOf(motion).Play(robot);
+    if (gate.open()) {
+      (works ? open_stands_ : open_falls_) += 1;
+    } else {
+      (works ? closed_stands_ : closed_falls_) += 1;
+    }
+    fmt::print("  {}: {}, {}\n", motion, Verdict(gate), works ? "stands" : "falls");
   }
-  fmt::print("  gate {}, {}\n", open ? "open" : "closed", works ? "stands" : "falls");
 }
 
 void Study::Tune(const testing::HiddenRobot& robot, const PosteriorFile& known,
                  const std::string& folder) {
   const double start = CpuSeconds();
-  Task own = IdentifiedTask(LoadTask(settings_.task), known);
-  TuneTo(known, {}, own);
-  TakeGuess(own, LoadPrimitive(settings_.guess), settings_.guess);
-  WorkSettings settings;
-  settings.quiet = true;
-  const TaskResult result = WorkOn(std::move(own), settings);
+  const std::string motion = folder + "/tuned.toml";
+  std::string became =
+      testing::FindAnew(settings_.task, settings_.guess, known, settings_.tuning, motion);
   tuning_.push_back(CpuSeconds() - start);
-  std::string became;
-  if (!result.file) {
+  if (!became.empty()) {
     ++not_found_;
-    became = "no motion found: " + result.cause;
   } else {
-    const std::string motion = folder + "/tuned.toml";
-    PendingFile(motion, ToToml(*result.file)).Commit();
-    if (!PassGate(motion, settings_.drives, known, settings_.gate).open()) {
+    const GateOutcome gate = PassGate(motion, settings_.drives, known, settings_.gate);
+    if (!gate.open()) {
       ++refused_;
-      became = "refused by the gate";
+      became = Verdict(gate) + (RunsOf(motion).Play(robot) ? ", would stand" : ", would fall");
     } else {
-      // The true robot is what differs from the first model, not from the identified one.
-      const bool works =
-          testing::HiddenRuns(motion, settings_.drives).OfModel(runs_.front().scene()).Play(robot);
+      const bool works = RunsOf(motion).Play(robot);
       (works ? stands_ : fell_) += 1;
       became = works ? "stands" : "FELL";
     }

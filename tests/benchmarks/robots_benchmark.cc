@@ -5,9 +5,6 @@
 // run.
 
 #include <benchmark/benchmark.h>
-#ifdef TUMBLER_WITH_MUJOCO
-#include <mujoco/mujoco.h>
-#endif
 
 #include <algorithm>
 #include <array>
@@ -29,6 +26,9 @@
 #include "offline/studies/trial.h"
 #include "offline/twin/simulated_robot.h"
 #include "tests/support/files.h"
+#ifdef TUMBLER_WITH_MUJOCO
+#include "tests/support/mujoco_model.h"
+#endif
 
 namespace tumbler {
 namespace {
@@ -127,11 +127,6 @@ class BareLanes {
 };
 
 #ifdef TUMBLER_WITH_MUJOCO
-struct MujocoDeleter {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-
 /// The model in MuJoCo, with its contacts, in the steps that tumbler export writes. No judge looks,
 /// but the robot has to end as upright as the model.
 class InMujoco {
@@ -139,12 +134,7 @@ class InMujoco {
   explicit InMujoco(const Trials& trials) : script_(trials.script()) {
     const DriveEntry& entry = trials.drives().drives.front();
     gains_ = {static_cast<double>(entry.kp_nm_per_rad), static_cast<double>(entry.kd_nm_s_per_rad)};
-    const testing::TemporaryFolder folder;
-    const std::string file = folder.path() / "model.xml";
-    testing::WriteFile(file, ToMjcf(trials.motion(), gains_));
-    std::array<char, 1000> error{};
-    model_.reset(mj_loadXML(file.c_str(), nullptr, error.data(), error.size()));
-    if (model_ == nullptr) throw std::runtime_error(error.data());
+    model_ = testing::LoadMjcf(ToMjcf(trials.motion(), gains_));
     data_.reset(mj_makeData(model_.get()));
   }
   [[nodiscard]] double step_s() const { return model_->opt.timestep; }
@@ -172,8 +162,8 @@ class InMujoco {
  private:
   const Script& script_;
   DriveGains gains_;
-  std::unique_ptr<mjModel, MujocoDeleter> model_;
-  std::unique_ptr<mjData, MujocoDeleter> data_;
+  testing::MujocoModel model_;
+  testing::MujocoData data_;
 };
 #endif
 

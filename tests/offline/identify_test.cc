@@ -8,15 +8,14 @@
 #include <fstream>
 
 #include "common/files/program.h"
-#include "common/files/result_file.h"
 #include "offline/problem/posterior_toml.h"
-#include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/identified_model.h"
 #include "offline/studies/identify_page.h"
 #include "offline/studies/robot_fit.h"
 #include "tests/support/files.h"
 #include "tests/support/hidden_robot.h"
+#include "tests/support/identification.h"
 
 namespace tumbler {
 namespace {
@@ -24,35 +23,17 @@ namespace {
 /// The drives of all runs.
 const std::string kDrives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
 
-/// Two excitations of few candidates, made once in a process.
 const std::vector<testing::HiddenRuns>& Excitations() {
-  static const testing::TemporaryFolder folder;
   static const std::vector<testing::HiddenRuns> runs = [] {
     std::vector<testing::HiddenRuns> made;
-    for (const std::string task : {"rise", "stand"}) {
-      ExcitationSettings settings;
-      settings.candidates = 6;
-      const Excitation found =
-          MakeExcitation(testing::SourcePath("primitives/tasks/" + task + ".toml"), settings);
-      EXPECT_TRUE(found.file) << found.cause;
-      const std::string file = folder / (task + ".toml");
-      PendingFile(file, ToToml(*found.file)).Commit();
-      made.emplace_back(file, kDrives);
-    }
+    for (const std::string& file : testing::ExcitationFiles()) made.emplace_back(file, kDrives);
     return made;
   }();
   return runs;
 }
 
 std::vector<RecordedMotion> RecordsOf(const testing::HiddenRobot& robot) {
-  const testing::TemporaryFolder folder;
-  std::vector<RecordedMotion> records;
-  for (const testing::HiddenRuns& run : Excitations()) {
-    const std::string file = folder / (std::to_string(records.size()) + ".rec");
-    EXPECT_TRUE(run.Record(robot, file)) << "an excitation ends where it began";
-    records.push_back(ReadRecordedMotion(file));
-  }
-  return records;
+  return testing::RecordsOf(Excitations(), robot);
 }
 
 double MeanOf(const FitOutcome& fit, RobotQuantity::Kind kind, const std::string& of = "") {

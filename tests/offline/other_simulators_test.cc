@@ -8,13 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <numbers>
 #include <random>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,6 +22,7 @@
 #include "offline/programs/mjcf.h"
 #include "tests/offline/played_motion.h"
 #include "tests/support/files.h"
+#include "tests/support/mujoco_model.h"
 
 namespace tumbler {
 namespace {
@@ -49,29 +47,12 @@ constexpr std::array kContacts = {Contacts{"as it comes", 0, 0.02, 1, false},
                                   Contacts{"5 ms, mu 0.6", 0.6, 0.005, 1, false},
                                   Contacts{"5 ms, mu 0.9", 0.9, 0.005, 1, false}};
 
-/// The numbers of an object in one of MuJoCo's arrays, `size` for each.
-template <int size>
-mjtNum* NumbersOf(mjtNum* all, int object) {
-  return all + static_cast<std::ptrdiff_t>(size) * object;
-}
-
-struct ModelDeleter {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-
 class InMujoco : public testing::Engine {
  public:
-  explicit InMujoco(const std::string& mjcf) {
-    const testing::TemporaryFolder folder;
-    const std::string file = folder.path() / "model.xml";
-    testing::WriteFile(file, mjcf);
-    std::array<char, 1000> error{};
-    model_.reset(mj_loadXML(file.c_str(), nullptr, error.data(), error.size()));
-    if (model_ == nullptr) throw std::runtime_error(error.data());
-    data_.reset(mj_makeData(model_.get()));
-    as_written_.reset(mj_copyModel(nullptr, model_.get()));
-  }
+  explicit InMujoco(const std::string& mjcf)
+      : as_written_(testing::LoadMjcf(mjcf)),
+        model_(mj_copyModel(nullptr, as_written_.get())),
+        data_(mj_makeData(model_.get())) {}
   [[nodiscard]] mjModel& model() { return *model_; }
   [[nodiscard]] mjData& data() { return *data_; }
 
@@ -79,9 +60,9 @@ class InMujoco : public testing::Engine {
     mj_copyModel(model_.get(), as_written_.get());
     model_->opt.cone = contacts.elliptic ? mjCONE_ELLIPTIC : mjCONE_PYRAMIDAL;
     for (int i = 0; i < model_->ngeom; ++i) {
-      if (contacts.mu > 0) *NumbersOf<3>(model_->geom_friction, i) = contacts.mu;
-      NumbersOf<2>(model_->geom_solref, i)[0] = contacts.time_constant;
-      NumbersOf<2>(model_->geom_solref, i)[1] = contacts.damping_ratio;
+      if (contacts.mu > 0) *testing::NumbersOf<3>(model_->geom_friction, i) = contacts.mu;
+      testing::NumbersOf<2>(model_->geom_solref, i)[0] = contacts.time_constant;
+      testing::NumbersOf<2>(model_->geom_solref, i)[1] = contacts.damping_ratio;
     }
   }
 
@@ -92,13 +73,13 @@ class InMujoco : public testing::Engine {
     for (int body = 1; body < model_->nbody; ++body) {
       const double mass = factors.masses.at(Index(body) - 1);
       model_->body_mass[body] *= mass;
-      for (int i = 0; i < 3; ++i) NumbersOf<3>(model_->body_inertia, body)[i] *= mass;
+      for (int i = 0; i < 3; ++i) testing::NumbersOf<3>(model_->body_inertia, body)[i] *= mass;
     }
     const double slower = 1 / std::sqrt(factors.stiffness);
     for (int i = 0; i < model_->ngeom; ++i) {
-      *NumbersOf<3>(model_->geom_friction, i) *= factors.mu;
-      NumbersOf<2>(model_->geom_solref, i)[0] *= slower;
-      NumbersOf<2>(model_->geom_solref, i)[1] *= factors.damping * slower;
+      *testing::NumbersOf<3>(model_->geom_friction, i) *= factors.mu;
+      testing::NumbersOf<2>(model_->geom_solref, i)[0] *= slower;
+      testing::NumbersOf<2>(model_->geom_solref, i)[1] *= factors.damping * slower;
     }
     mj_setConst(model_.get(), data_.get());
   }
@@ -116,9 +97,8 @@ class InMujoco : public testing::Engine {
   }
 
  private:
-  std::unique_ptr<mjModel, ModelDeleter> as_written_;
-  std::unique_ptr<mjModel, ModelDeleter> model_;
-  std::unique_ptr<mjData, ModelDeleter> data_;
+  testing::MujocoModel as_written_, model_;
+  testing::MujocoData data_;
 };
 
 constexpr const char* kSource = "tests/offline/other_simulators_test.cc";
@@ -217,13 +197,7 @@ TEST(OtherSimulators, ReadNamesWithTwoHyphensAsTheyAre) {
   const std::string text = ToMjcf(motion, motion.problem().drive_gains());
   const std::size_t comment = text.find("<!--") + 4;
   EXPECT_EQ(text.find("--", comment), text.find("-->", comment)) << "XML has no -- in a comment";
-  const testing::TemporaryFolder folder;
-  const std::string path = (folder.path() / "model.xml").string();
-  testing::WriteFile(path, text);
-  std::array<char, 1000> error{};
-  const std::unique_ptr<mjModel, ModelDeleter> model(
-      mj_loadXML(path.c_str(), nullptr, error.data(), error.size()));
-  ASSERT_NE(model, nullptr) << error.data();
+  const testing::MujocoModel model = testing::LoadMjcf(text);
   EXPECT_EQ(std::string(model->names), "hand--stand-");
   EXPECT_GE(mj_name2id(model.get(), mjOBJ_JOINT, "leg--1"), 0) << "as setpoints name it";
 }

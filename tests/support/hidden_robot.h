@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "common/core/functions.h"
 #include "common/files/toml_reader.h"
@@ -77,10 +78,18 @@ class HiddenRuns {
             {})) {}
 
   [[nodiscard]] const Scene& scene() const { return shared_.scene; }
+  [[nodiscard]] const SimulatedMotion& motion() const { return motion_; }
+  [[nodiscard]] const SharedRobot& shared() const { return shared_; }
 
   /// The same motion for robots that differ from this scene, whatever the motion was made for.
   HiddenRuns& OfModel(const Scene& scene) {
     shared_.scene = scene;
+    return *this;
+  }
+
+  /// Another engine than the twin's for the robots.
+  HiddenRuns& Behind(TwinEngine engine) {
+    shared_.config.twin.engine = std::move(engine);
     return *this;
   }
 

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <string>
+#include <utility>
+
+#include "common/files/result_file.h"
+#include "offline/certify/task_result.h"
+#include "offline/solve/guess.h"
+#include "offline/studies/identified_model.h"
+
+namespace tumbler::testing {
+
+/// Finds a motion anew for a robot that was identified, as tumbler optimize --guess --posterior.
+/// @param file  gets the motion.
+/// @returns  why there is none; empty: it was found.
+inline std::string FindAnew(const std::string& task, const std::string& guess,
+                            const PosteriorFile& known, const TuningSettings& tuning,
+                            const std::string& file) {
+  Task own = IdentifiedTask(LoadTask(task), known);
+  TuneTo(known, tuning, own);
+  TakeGuess(own, LoadPrimitive(guess), guess);
+  WorkSettings settings;
+  settings.quiet = true;
+  const TaskResult result = WorkOn(std::move(own), settings);
+  if (!result.file) return "no motion found: " + result.cause;
+  PendingFile(file, ToToml(*result.file)).Commit();
+  return "";
+}
+
+}  // namespace tumbler::testing
