@@ -69,6 +69,7 @@ RecordedDrive DriveOf(const DriveEntry& entry, double torque_max_nm,
   RecordedDrive drive;
   std::tie(drive.kp, drive.kd) = GainsOnWire(entry);
   drive.torque_max_nm = torque_max_nm;
+  drive.motor = entry.motor;
   const JointMap& joint = JointOf(entry.config);
   const double per_shaft = 1 / (static_cast<double>(joint.direction * joint.gear_ratio));
   const double encoder = settings.encoder_counts_per_turn == 0
@@ -235,7 +236,9 @@ class Reader {
       if (kept_[end].fault) {
         cut = "a fault";
       } else if (end > 0 && kept_[end].tick != kept_[end - 1].tick + 1) {
-        cut = "missed periods";
+        cut = record_.damages().empty() && record_.lost().empty()
+                  ? "missed periods"
+                  : "ticks that the record has lost";
       }
       if (cut != nullptr) break;
       if (Is(end, ExecutorState::kSettling) || Is(end, ExecutorState::kHolding)) {
@@ -287,9 +290,9 @@ class Reader {
       KeptTick& kept = kept_[k];
       for (std::size_t j = 0; j < joints_; ++j) {
         RecordedJoint& joint = kept.joints[j];
-        joint.arrival_s = std::min(
-            Seconds(kept.send_ns - kept.deadline_ns) + bit_s * kept.arrival_bits[j] + result.late_s,
-            result.tick_s);
+        joint.arrival_s = std::min(Seconds(kept.send_ns - kept.deadline_ns) +
+                                       bit_s * kept.arrival_bits[j] + result.late_s,
+                                   result.tick_s);
         arrivals[j].push_back(joint.arrival_s);
         answered += std::isfinite(joint.reading_rad) ? 1 : 0;
       }
