@@ -340,8 +340,9 @@ KeyTable DrivesKeyTable() {
                   SensorRows()})};
 }
 
-SampleTimes SampleTimesOf(const DrivesConfig& drives) noexcept {
-  SampleTimes times(drives.bit_rate);
+SampleTimes SampleTimesOf(const DrivesConfig& drives, std::int64_t period_ns) noexcept {
+  const double slower = drives.rate_hz * static_cast<double>(period_ns) * 1e-9;
+  SampleTimes times(static_cast<int>(std::lround(drives.bit_rate / slower)));
   for (const DriveEntry& entry : drives.drives) times.Add(entry.config);
   return times;
 }

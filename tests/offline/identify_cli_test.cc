@@ -292,6 +292,40 @@ std::string CutAt(const std::string& path, std::int64_t ticks) {
   return bytes.substr(0, offsets[static_cast<std::size_t>(begins + ticks)]);
 }
 
+TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
+  constexpr std::int64_t kSlower = 20;
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string bytes = ReadFile(of.back());
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "back");
+  RecordConfiguration configuration = record.configuration();
+  configuration.period_ns *= kSlower;
+  FlightRecorderConfig config;
+  config.file = folder / "slow.rec";
+  config.configuration = EncodeConfiguration(configuration);
+  FlightRecorder recorder(config);
+  const auto entry = std::make_unique<TickEntry>();
+  while (record.Next(*entry)) {
+    TickNotes& notes = entry->notes;
+    for (std::int64_t* time_ns :
+         {&notes.deadline_ns, &notes.due_ns, &notes.awake_ns, &notes.send_ns, &notes.done_ns})
+      *time_ns *= kSlower;
+    for (std::size_t i = 0; i < entry->received_count; ++i) entry->received[i].time_ns *= kSlower;
+    recorder.Push(notes, entry->input(), {entry->frames, entry->record});
+    recorder.Drain();
+  }
+  recorder.Stop("completed");
+  const RecordedMotion usual = ReadRecordedMotion(of.back());
+  const RecordedMotion slow = ReadRecordedMotion(config.file);
+  EXPECT_NEAR(slow.tick_s, usual.tick_s, 1e-12);
+  EXPECT_NEAR(slow.late_s, usual.late_s, 1e-9);
+  EXPECT_GT(usual.late_s, 1e-5);
+  EXPECT_EQ(slow.begins, usual.begins);
+  ASSERT_EQ(slow.ticks.size(), usual.ticks.size());
+  for (std::size_t k = 0; k < usual.ticks.size(); ++k)
+    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-9);
+}
+
 TEST(IdentifyProgram, ARecordThatTellsNothingIsRefusedBySayingWhy) {
   const Records& of = Shared();
   const testing::TemporaryFolder folder;
