@@ -89,6 +89,18 @@ constexpr std::array kLoopKeys = {
         .Default("not known"),
 };
 
+constexpr std::array kMotorFactsKeys = {
+    KeyOf<&MotorFacts::torque_factor>(
+        "torque_factor", {0.1, 10},
+        "what the motor exerts for each N m that the drive reckons with; this and the next two are "
+        "[simulated, and fitted from there](identify.md#what-a-drives-file-says), and never sent"),
+    KeyOf<&MotorFacts::torque_time_constant_s>("torque_time_constant_s", {0, 0.1},
+                                               "of the current loop, first order"),
+    KeyOf<&MotorFacts::velocity_filter_s>(
+        "velocity_filter_s", {0, 0.1},
+        "of the filter through which the drive sees its velocity, first order; 0: none"),
+};
+
 DriveTraffic TrafficOf(const DriveEntry& drive, double rate_hz) {
   return DriveProtocols::With(drive.config, [&](auto protocol, const auto& config) {
     return decltype(protocol)::TrafficOf(drive, config, rate_hz);
@@ -108,6 +120,7 @@ DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig&
   });
   ReadKeys(table, kTemperatureKeys, drive);
   ReadKeys(table, kLoopKeys, drive);
+  ReadKeys(table, kMotorFactsKeys, drive.motor);
   ReadWatchdog(table, drive);
   if (Validate(drive.config) != Status::kOk) {
     table.Fail("", "does not describe a drive of this protocol");
@@ -321,13 +334,15 @@ KeyTable DrivesKeyTable() {
                   GainRows(),
                   RowsOf(kTemperatureKeys),
                   RowsOf(kLoopKeys),
+                  RowsOf(kMotorFactsKeys),
                   {WatchdogRow()},
                   ShaftRangeRows(),
                   SensorRows()})};
 }
 
-SampleTimes SampleTimesOf(const DrivesConfig& drives) noexcept {
-  SampleTimes times(drives.bit_rate);
+SampleTimes SampleTimesOf(const DrivesConfig& drives, std::int64_t period_ns) noexcept {
+  const double slower = drives.rate_hz * static_cast<double>(period_ns) * 1e-9;
+  SampleTimes times(static_cast<int>(std::lround(drives.bit_rate / slower)));
   for (const DriveEntry& entry : drives.drives) times.Add(entry.config);
   return times;
 }

@@ -62,7 +62,10 @@ struct DrivesConfig {
 };
 
 /// Finds when these drives sampled what they report.
-[[nodiscard]] SampleTimes SampleTimesOf(const DrivesConfig& drives) noexcept;
+/// @param period_ns  of the control loop, by its clock. It is longer than rate_hz says where the
+///                   robot is simulated at a slower pace, and so is a bit.
+[[nodiscard]] SampleTimes SampleTimesOf(const DrivesConfig& drives,
+                                        std::int64_t period_ns) noexcept;
 
 /// What a drives file is read for.
 enum class DrivesUse : std::uint8_t {

@@ -18,11 +18,16 @@ struct OwnedDrive {
   return static_cast<double>(joint.ToDriveGain(gain));
 }
 
+/// A motor with what a drives file says of it, and else the defaults.
+[[nodiscard]] SimulatedMotorConfig MotorOf(const DriveEntry& entry);
+
 /// The simulated drive that an entry of a drives file describes: its protocol, identifiers, joint,
 /// watchdog, and gains where they are the drive's own.
 /// @param motor  the motor, with its values at the shaft.
 /// @throws std::invalid_argument  naming the value that is not allowed.
 std::unique_ptr<SimulatedDrive> MakeSimulatedDrive(const DriveEntry& entry,
-                                                   const SimulatedMotorConfig& motor = {});
+                                                   const SimulatedMotorConfig& motor);
+/// The same with MotorOf.
+std::unique_ptr<SimulatedDrive> MakeSimulatedDrive(const DriveEntry& entry);
 
 }  // namespace tumbler

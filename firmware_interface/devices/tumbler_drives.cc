@@ -75,7 +75,7 @@ class Bench {
     for (const std::string& text : options.positions) CheckNamed(text, config);
     std::vector<RotorPlant::Rotor> rotors;
     for (const DriveEntry& entry : config.drives) {
-      SimulatedMotorConfig motor;
+      SimulatedMotorConfig motor = MotorOf(entry);
       motor.torque_max_nm = options.torque_max_nm;
       drives_.push_back(MakeSimulatedDrive(entry, motor));
       drives_.back()->AttachTo(bus_);

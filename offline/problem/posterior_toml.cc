@@ -83,6 +83,10 @@ constexpr std::array kPosteriorDriveKeys = {
     KeyOf<&PosteriorDrive::direction>("direction", {-1, 1}, "as in the drives file").Required(),
     KeyOf<&PosteriorDrive::gear_ratio>("gear_ratio", {0, 1e4, true}, "likewise").Required(),
     KeyOf<&PosteriorDrive::zero_offset_rad>("zero_offset_rad", {-100, 100}, "likewise").Required(),
+    KeyOf<&PosteriorDrive::torque_factor>("torque_factor", {0.1, 10},
+                                          "likewise, before anything was fitted"),
+    KeyOf<&PosteriorDrive::torque_time_constant_s>("torque_time_constant_s", {0, 0.1}, "likewise"),
+    KeyOf<&PosteriorDrive::velocity_filter_s>("velocity_filter_s", {0, 0.1}, "likewise"),
 };
 
 }  // namespace

@@ -15,6 +15,8 @@ struct PosteriorDrive {
   std::string joint, protocol;
   double kp_nm_per_rad = 0, kd_nm_s_per_rad = 0;
   double direction = 1, gear_ratio = 1, zero_offset_rad = 0;
+  /// As their drives file said before anything was fitted.
+  double torque_factor = 1, torque_time_constant_s = 0, velocity_filter_s = 0;
 
   bool operator==(const PosteriorDrive&) const = default;
 };

@@ -25,6 +25,7 @@
 #include "offline/studies/identify_page.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/robot_fit.h"
+#include "offline/studies/stated_motors.h"
 
 namespace tumbler {
 namespace {
@@ -139,6 +140,18 @@ void CheckNoneTwice(const std::vector<RecordedMotion>& records, const PosteriorF
         "count as two: give new records only",
         record.name, before_name,
         before->records[static_cast<std::size_t>(fitted - before->fingerprints.begin())]));
+  }
+}
+
+/// Takes what was stated of its drives' motors from a posterior, in place of what is stated now:
+/// that may be what the posterior has found.
+void TakeStated(const PosteriorDrives& drives, RecordedMotion& record) {
+  const std::vector<MotorFacts> stated = StatedIn(drives);
+  for (std::size_t j = 0; j < record.joint_count(); ++j) {
+    const std::string& joint = record.drives.drives[j].joint;
+    const auto at = std::ranges::find(drives.of_joint, joint, &PosteriorDrive::joint);
+    if (at != drives.of_joint.end())
+      record.joints[j].motor = stated[static_cast<std::size_t>(at - drives.of_joint.begin())];
   }
 }
 
@@ -268,8 +281,8 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
     for (const std::string& path : paths) records.push_back(ReadRecordedMotion(path, reading));
     return records;
   };
-  const std::vector<RecordedMotion> records = read(arguments.records);
-  const std::vector<RecordedMotion> held_out = read(arguments.held_out);
+  std::vector<RecordedMotion> records = read(arguments.records);
+  std::vector<RecordedMotion> held_out = read(arguments.held_out);
   std::vector<RecordedMotion> all = records;
   all.insert(all.end(), held_out.begin(), held_out.end());
   CheckOneRobot(all);
@@ -286,6 +299,11 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
     before = LoadPrior(arguments, records.front(), PriorOfRecords(records, weighed));
   }
   CheckNoneTwice(all, before ? &*before : nullptr, arguments.prior);
+  if (before) {
+    // Quantities go on from where the first fit began.
+    for (RecordedMotion& record : records) TakeStated(before->drives, record);
+    for (RecordedMotion& record : held_out) TakeStated(before->drives, record);
+  }
   FitPrior prior = PriorOfRecords(records, weighed);
   if (before) {
     prior.known = before->posterior;
@@ -328,6 +346,13 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
       file.fingerprints.push_back(record.Fingerprint());
     }
     file.drives = FactsOf(records.front().drives);
+    for (std::size_t j = 0; j < file.drives.of_joint.size(); ++j) {
+      const MotorFacts& stated = records.front().joints[j].motor;
+      PosteriorDrive& drive = file.drives.of_joint[j];
+      drive.torque_factor = stated.torque_factor;
+      drive.torque_time_constant_s = stated.torque_time_constant_s;
+      drive.velocity_filter_s = stated.velocity_filter_s;
+    }
     WriteModel(arguments, file, records.front(), IdentifyPage(fit, settings, predicted));
   }
   return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;

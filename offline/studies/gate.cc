@@ -8,6 +8,7 @@
 #include "common/files/json.h"
 #include "common/files/program.h"
 #include "offline/studies/identified_drives.h"
+#include "offline/studies/stated_motors.h"
 
 namespace tumbler {
 namespace {
@@ -27,6 +28,15 @@ void AddMargins(const Scene& scene, const GateSettings& settings, int index,
   for (std::size_t j = 0; j < robot.joints.size(); ++j)
     robot.joints[j].torque_limit = other.joints[j].torque_limit;
   robot.delay_s = other.delay_s;
+}
+
+/// Makes of how a robot's motors are by how much they depart from those that are played.
+void TakeOff(const std::vector<JointMotor>& played, RobotVariation& robot) {
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    robot.joints[j].torque /= *played[j].torque_factor;
+    robot.joints[j].velocity_filter_s -= *played[j].velocity_filter_s;
+    robot.joints[j].torque_lag_s -= *played[j].torque_time_constant_s;
+  }
 }
 
 }  // namespace
@@ -66,6 +76,8 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
         i == 0 ? robots.mean
                : robots.Draw(settings.deviations, settings.seed, static_cast<std::uint64_t>(i));
     RobotVariation robot = VariationOf(trials.scene(), robots.quantities, coordinates);
+    OwnDrives(StatedIn(known.drives), robots.quantities, robot);
+    TakeOff(trials.robot().motors, robot);
     if (i > 0) AddMargins(trials.scene(), settings, i, robot);
     outcome.robots.push_back(trials.Play(robot));
   }

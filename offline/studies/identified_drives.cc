@@ -7,6 +7,7 @@
 
 #include "common/files/toml_writer.h"
 #include "firmware_interface/devices/drives_draft.h"
+#include "offline/studies/stated_motors.h"
 
 namespace tumbler {
 namespace {
@@ -73,12 +74,13 @@ PosteriorDrives FactsOf(const DrivesConfig& drives) {
         {entry.joint, std::string(DriveProtocols::kNames[entry.config.index()]),
          static_cast<double>(entry.kp_nm_per_rad), static_cast<double>(entry.kd_nm_s_per_rad),
          static_cast<double>(joint.direction), static_cast<double>(joint.gear_ratio),
-         static_cast<double>(joint.zero_offset_rad)});
+         static_cast<double>(joint.zero_offset_rad), entry.motor.torque_factor,
+         entry.motor.torque_time_constant_s, entry.motor.velocity_filter_s});
   }
   return facts;
 }
 
-std::string DifferenceOf(const PosteriorDrives& a, const PosteriorDrives& b, bool zeros) {
+std::string DifferenceOf(const PosteriorDrives& a, const PosteriorDrives& b, bool all) {
   const auto both = [](const std::string& what, const auto& of_a, const auto& of_b) {
     return fmt::format("{} is {} and {}", what, of_a, of_b);
   };
@@ -92,13 +94,17 @@ std::string DifferenceOf(const PosteriorDrives& a, const PosteriorDrives& b, boo
       const char* key;
       double PosteriorDrive::*of;
     };
-    for (const Number& number : {Number{"kp_nm_per_rad", &PosteriorDrive::kp_nm_per_rad},
-                                 Number{"kd_nm_s_per_rad", &PosteriorDrive::kd_nm_s_per_rad},
-                                 Number{"direction", &PosteriorDrive::direction},
-                                 Number{"gear_ratio", &PosteriorDrive::gear_ratio},
-                                 Number{"zero_offset_rad", &PosteriorDrive::zero_offset_rad}}) {
+    for (const Number& number :
+         {Number{"kp_nm_per_rad", &PosteriorDrive::kp_nm_per_rad},
+          Number{"kd_nm_s_per_rad", &PosteriorDrive::kd_nm_s_per_rad},
+          Number{"direction", &PosteriorDrive::direction},
+          Number{"gear_ratio", &PosteriorDrive::gear_ratio},
+          Number{"zero_offset_rad", &PosteriorDrive::zero_offset_rad},
+          Number{"torque_factor", &PosteriorDrive::torque_factor},
+          Number{"torque_time_constant_s", &PosteriorDrive::torque_time_constant_s},
+          Number{"velocity_filter_s", &PosteriorDrive::velocity_filter_s}}) {
       const double of_a = drive.*number.of, of_b = other->*number.of;
-      if (number.of == &PosteriorDrive::zero_offset_rad && !zeros) continue;
+      if (number.of == &PosteriorDrive::zero_offset_rad && !all) break;
       if (of_a != of_b) return both(fmt::format("{} of {}", number.key, drive.joint), of_a, of_b);
     }
   }
@@ -116,7 +122,10 @@ void ShiftZeros(PosteriorFile& file, const PosteriorDrives& to) {
     file.posterior.mean[i] += by_rad;
     if (!file.information.empty()) file.information.centre[i] += by_rad;
   }
-  file.drives = to;
+  for (PosteriorDrive& drive : file.drives.of_joint) {
+    if (const PosteriorDrive* const is = DriveOf(to, drive.joint))
+      drive.zero_offset_rad = is->zero_offset_rad;
+  }
 }
 
 std::string CorrectedDrives(const std::string& text, const std::string& name,
@@ -125,13 +134,21 @@ std::string CorrectedDrives(const std::string& text, const std::string& name,
   for (std::size_t i = 0; i < draft.config().drives.size(); ++i) {
     const DriveEntry& drive = draft.config().drives[i];
     const double error_rad = ErrorOf(file.posterior, drive.joint);
-    if (error_rad == 0) continue;
-    const auto offset_rad = static_cast<double>(JointOf(drive.config).zero_offset_rad);
-    draft.SetNumber(i, "zero_offset_rad", offset_rad - error_rad);
+    const MotorFacts was = drive.motor, is = MotorFound(file, drive.joint);
+    if (error_rad != 0) {
+      const auto offset_rad = static_cast<double>(JointOf(drive.config).zero_offset_rad);
+      draft.SetNumber(i, "zero_offset_rad", offset_rad - error_rad);
+    }
+    const auto set = [&](const char* key, double MotorFacts::*of) {
+      if (is.*of != was.*of) draft.SetNumber(i, key, is.*of);
+    };
+    set("torque_factor", &MotorFacts::torque_factor);
+    set("torque_time_constant_s", &MotorFacts::torque_time_constant_s);
+    set("velocity_filter_s", &MotorFacts::velocity_filter_s);
   }
   draft.Check();
   std::string head =
-      "# zero_offset_rad of the robot that was identified, by tumbler identify fit.\n";
+      "# Zeros and motors of the robot that was identified, by tumbler identify fit.\n";
   if (file.effective) {
     head +=
         "# AN EFFECTIVE MODEL: it did not explain its records. Do not drive with these zeros.\n";

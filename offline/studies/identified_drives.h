@@ -12,9 +12,10 @@ namespace tumbler {
 PosteriorDrives FactsOf(const DrivesConfig& drives);
 
 /// In words, where drives differ: `kp_nm_per_rad of leg1 is 200 and 150`. Empty: they do not.
-/// Zeros, which only shift what encoders read, are not compared (`ShiftZeros`).
-/// @param zeros  compares them, too.
-std::string DifferenceOf(const PosteriorDrives& a, const PosteriorDrives& b, bool zeros);
+/// Zeros, which only shift what encoders read, are not compared (`ShiftZeros`), and neither is what
+/// is stated of motors, which is where a fit begins.
+/// @param all  compares them, too.
+std::string DifferenceOf(const PosteriorDrives& a, const PosteriorDrives& b, bool all);
 
 /// A posterior as one of records that were made with other zeros of the same drives: what an
 /// encoder reads more than the true angle grows with zero_offset_rad.
@@ -22,7 +23,7 @@ std::string DifferenceOf(const PosteriorDrives& a, const PosteriorDrives& b, boo
 void ShiftZeros(PosteriorFile& file, const PosteriorDrives& to);
 
 /// A drives file with zero_offset_rad of the robot that was identified, under which its encoders
-/// read true angles.
+/// read true angles, and with what was found of its motors (MotorFacts).
 /// @param text, name  of the file with which the records were made; an empty name: there was none
 ///                    (DefaultDrives).
 /// @param drives      of the same, in the order of the robot's joints.

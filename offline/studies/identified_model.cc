@@ -8,9 +8,11 @@
 #include <optional>
 #include <vector>
 
+#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "common/files/toml_writer.h"
 #include "offline/model/urdf_edit.h"
+#include "offline/studies/stated_motors.h"
 #include "offline/studies/toml_edit.h"
 
 namespace tumbler {
@@ -77,9 +79,29 @@ Task IdentifiedTask(const Task& given, const PosteriorFile& file) {
       given.robot_file);
 }
 
+namespace {
+
+/// Where a torque constant was not fitted, robots have the one that was stated, for certain.
+RobotPosterior WithStatedTorque(const PosteriorFile& file) {
+  RobotPosterior robots = file.posterior;
+  const double stated = AverageOf(StatedIn(file.drives)).torque_factor;
+  if (stated == 1 || ValueOf(robots, {Kind::kTorque, ""})) return robots;
+  const std::size_t n = robots.size();
+  std::vector<double> covariance((n + 1) * (n + 1), 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < n; ++k) covariance[i * (n + 1) + k] = robots.covariance[i * n + k];
+  }
+  robots.covariance = std::move(covariance);
+  robots.quantities.push_back({Kind::kTorque, ""});
+  robots.mean.push_back(portable::Log(stated));
+  return robots;
+}
+
+}  // namespace
+
 void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task) {
   RobustSettings& robust = *task.problem.robust;
-  robust.spreads.posterior = std::make_shared<const RobotPosterior>(file.posterior);
+  robust.spreads.posterior = std::make_shared<const RobotPosterior>(WithStatedTorque(file));
   robust.polish_robots = std::min(robust.polish_robots, settings.robots);
   robust.polish_rounds = settings.rounds;
   robust.generations = std::min(robust.generations, settings.generations);
@@ -97,6 +119,35 @@ std::string GroundOf(const PosteriorFile& file, const ContactLaw& law) {
   writer.Number("d_off_m", law.d_off_m);
   return writer.Take();
 }
+
+namespace {
+
+using MotorKeys = std::map<std::string, std::vector<std::pair<const char*, double>>>;
+
+/// Adds what was found or stated of the drives' motors: of all of them, or of each where they
+/// differ.
+void AddDrives(const PosteriorFile& file, MotorKeys& motors) {
+  std::vector<MotorFacts> found;
+  for (const PosteriorDrive& drive : file.drives.of_joint)
+    found.push_back(MotorFound(file, drive.joint));
+  if (found.empty()) found.push_back(MotorFound(file, ""));
+  const auto add = [&](const char* key, double MotorFacts::*of, Kind kind) {
+    const bool fitted = ValueOf(file.posterior, {kind, ""}).has_value();
+    const auto same = [&](const MotorFacts& motor) { return motor.*of == found.front().*of; };
+    if (std::ranges::all_of(found, same)) {
+      if (fitted || found.front().*of != MotorFacts{}.*of)
+        motors[""].emplace_back(key, found.front().*of);
+      return;
+    }
+    for (std::size_t j = 0; j < found.size(); ++j)
+      motors[file.drives.of_joint[j].joint].emplace_back(key, found[j].*of);
+  };
+  add("torque_factor", &MotorFacts::torque_factor, Kind::kTorque);
+  add("torque_time_constant_s", &MotorFacts::torque_time_constant_s, Kind::kTorqueLag);
+  add("velocity_filter_s", &MotorFacts::velocity_filter_s, Kind::kVelocityLag);
+}
+
+}  // namespace
 
 std::string TwinOf(const PosteriorFile& file) {
   TomlWriter writer("a twin");
@@ -118,19 +169,17 @@ std::string TwinOf(const PosteriorFile& file) {
   writer.Line("version = 1");
   writer.Text("drives", "drives.toml");
   writer.Text("robot", "robot.urdf");
-  std::map<std::string, std::vector<std::pair<const char*, double>>> motors;
+  MotorKeys motors;
   for (std::size_t i = 0; i < posterior.size(); ++i) {
     const RobotQuantity& quantity = posterior.quantities[i];
     const double value = std::max(0.0, posterior.ValueOf(i));
-    const char* const key = quantity.kind == Kind::kViscous       ? "viscous_friction_nm_s_per_rad"
-                            : quantity.kind == Kind::kDry         ? "dry_friction_nm"
-                            : quantity.kind == Kind::kRotor       ? "rotor_inertia_kg_m2"
-                            : quantity.kind == Kind::kTorque      ? "torque_factor"
-                            : quantity.kind == Kind::kVelocityLag ? "velocity_filter_s"
-                            : quantity.kind == Kind::kTorqueLag   ? "torque_time_constant_s"
-                                                                  : nullptr;
+    const char* const key = quantity.kind == Kind::kViscous ? "viscous_friction_nm_s_per_rad"
+                            : quantity.kind == Kind::kDry   ? "dry_friction_nm"
+                            : quantity.kind == Kind::kRotor ? "rotor_inertia_kg_m2"
+                                                            : nullptr;
     if (key != nullptr) motors[quantity.of].emplace_back(key, value);
   }
+  AddDrives(file, motors);
   for (const auto& [joint, keys] : motors) {
     writer.Line("");
     writer.Line(joint.empty() ? "[motor]" : "[motor." + joint + "]");

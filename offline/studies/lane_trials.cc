@@ -157,16 +157,18 @@ LaneRobot<double> LaneTrials::RobotOf(const Scene& scene, const RobotVariation& 
   const double tick_s = steps_.tick_s;
   for (std::size_t j = 0; j < drives_.size(); ++j) {
     auto& joint = robot.joints[j];
-    const double torque = variation.joints[j].torque;
+    const JointMotor& motor = trials_.robot().motors[j];
+    const double torque = *motor.torque_factor * variation.joints[j].torque;
     joint.kp = drives_[j].kp * variation.joints[j].gain * torque;
     joint.kd = drives_[j].kd * variation.joints[j].gain * torque;
     joint.torque_max = drives_[j].torque_max_nm * variation.joints[j].torque_limit * torque;
     joint.feed_forward = torque;
-    joint.velocity_filter = variation.joints[j].velocity_filter_s;
-    joint.torque_lag = variation.joints[j].torque_lag_s;
+    joint.velocity_filter =
+        std::max(0.0, *motor.velocity_filter_s + variation.joints[j].velocity_filter_s);
+    joint.torque_lag =
+        std::max(0.0, *motor.torque_time_constant_s + variation.joints[j].torque_lag_s);
     const double late_s = std::fmod(variation.delay_s, tick_s);
     joint.delay = std::min(drives_[j].delay_s + late_s, tick_s);
-    const JointMotor& motor = trials_.robot().motors[j];
     if (motor.encoder_counts_per_turn > 0) {
       const JointMap map = JointOf(trials_.drives().drives[j].config);
       const double turn_rad = 2 * std::numbers::pi / std::abs(static_cast<double>(map.gear_ratio));

@@ -69,6 +69,7 @@ RecordedDrive DriveOf(const DriveEntry& entry, double torque_max_nm,
   RecordedDrive drive;
   std::tie(drive.kp, drive.kd) = GainsOnWire(entry);
   drive.torque_max_nm = torque_max_nm;
+  drive.motor = entry.motor;
   const JointMap& joint = JointOf(entry.config);
   const double per_shaft = 1 / (static_cast<double>(joint.direction * joint.gear_ratio));
   const double encoder = settings.encoder_counts_per_turn == 0
@@ -119,7 +120,10 @@ class Reader {
     result.drives = parts.drives;
     result.drives_file = configuration.drives_file;
     if (!result.drives_file.empty()) result.drives_text = read(result.drives_file);
-    result.tick_s = Seconds(configuration.period_ns);
+    // A robot that is simulated at a slower pace has its time: that of its drives' rate.
+    const double pace = 1 / (parts.drives.rate_hz * Seconds(configuration.period_ns));
+    if (std::abs(pace - 1) > 1e-3) pace_ = pace;
+    result.tick_s = pace_ * Seconds(configuration.period_ns);
     for (std::size_t j = 0; j < configuration.joints.size(); ++j) {
       result.joints.push_back(
           DriveOf(parts.drives.drives[j], LargestTorqueLimit(parts.file, j), settings_));
@@ -235,7 +239,9 @@ class Reader {
       if (kept_[end].fault) {
         cut = "a fault";
       } else if (end > 0 && kept_[end].tick != kept_[end - 1].tick + 1) {
-        cut = "missed periods";
+        cut = record_.damages().empty() && record_.lost().empty()
+                  ? "missed periods"
+                  : "ticks that the record has lost";
       }
       if (cut != nullptr) break;
       if (Is(end, ExecutorState::kSettling) || Is(end, ExecutorState::kHolding)) {
@@ -269,7 +275,7 @@ class Reader {
       if (kept.last_reply_ns != 0) {
         const double bus_s =
             bit_s * static_cast<double>(kept.host_bits + kept.reply_bits - kIntermissionBits);
-        late.push_back(Seconds(kept.last_reply_ns - kept.send_ns) - bus_s);
+        late.push_back(pace_ * Seconds(kept.last_reply_ns - kept.send_ns) - bus_s);
       }
     }
     result.late_s = std::max(0.0, Median(late));
@@ -287,9 +293,9 @@ class Reader {
       KeptTick& kept = kept_[k];
       for (std::size_t j = 0; j < joints_; ++j) {
         RecordedJoint& joint = kept.joints[j];
-        joint.arrival_s = std::min(
-            Seconds(kept.send_ns - kept.deadline_ns) + bit_s * kept.arrival_bits[j] + result.late_s,
-            result.tick_s);
+        joint.arrival_s = std::min(pace_ * Seconds(kept.send_ns - kept.deadline_ns) +
+                                       bit_s * kept.arrival_bits[j] + result.late_s,
+                                   result.tick_s);
         arrivals[j].push_back(joint.arrival_s);
         answered += std::isfinite(joint.reading_rad) ? 1 : 0;
       }
@@ -345,6 +351,7 @@ class Reader {
   MappedFile file_;
   FlightRecord record_;
   std::size_t joints_ = 0;
+  double pace_ = 1;  ///< Seconds of the robot in a second of the loop's clock.
   std::vector<KeptTick> kept_;
 };
 

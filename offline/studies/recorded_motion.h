@@ -28,6 +28,7 @@ struct RecordedDrive {
   /// average: encoders and wires round downwards.
   double wire_bias_rad = 0, encoder_bias_rad = 0;
   double noise_rad = 0;  ///< Standard deviation of what rounding does to a reading.
+  MotorFacts motor;      ///< As the drives file says, before anything was fitted.
 };
 
 /// What a flight record tells of how a robot moved: the setpoints of its standing hold and of its

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/core/index.h"
+#include "offline/studies/stated_motors.h"
 
 namespace tumbler {
 namespace {
@@ -49,6 +50,7 @@ RecordedReplay::RecordedReplay(const RecordedMotion& motion,
   first_ = motion.begins - std::min(motion.begins, before);
   FindParts();
   for (const RecordedDrive& joint : motion.joints) {
+    stated_.push_back(joint.motor);
     noise_rad_.push_back(std::sqrt(joint.noise_rad * joint.noise_rad +
                                    Replaying::kModelNoise_rad * Replaying::kModelNoise_rad));
   }
@@ -70,7 +72,8 @@ void RecordedReplay::FindParts() {
 
 LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
                                           Sampling& sampling) const {
-  const RobotVariation variation = VariationOf(motion_.scene, quantities_, coordinates);
+  RobotVariation variation = VariationOf(motion_.scene, quantities_, coordinates);
+  OwnDrives(stated_, quantities_, variation);
   LaneRobot<double> robot = MakeLaneScene(Varied(motion_.scene, variation), LaneDrive{}).robot;
   for (std::size_t j = 0; j < motion_.joint_count(); ++j) {
     auto& joint = robot.joints[j];

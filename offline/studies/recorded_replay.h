@@ -63,7 +63,8 @@ class RecordedReplay {
   LaneState<double> start_{};
   std::size_t first_ = 0;
   std::vector<double> parts_;
-  std::vector<double> noise_rad_;  // of each joint
+  std::vector<double> noise_rad_;   // of each joint
+  std::vector<MotorFacts> stated_;  // likewise
 };
 
 }  // namespace tumbler

@@ -13,6 +13,7 @@
 #include "common/core/functions.h"
 #include "offline/scene/normal.h"
 #include "offline/studies/recorded_replay.h"
+#include "offline/studies/stated_motors.h"
 
 namespace tumbler {
 namespace {
@@ -473,6 +474,14 @@ FitPrior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
   if (weighed) more.push_back({Kind::kTorque, ""});
   for (const RobotQuantity& quantity : prior.quantities)
     if (quantity.kind == Kind::kMass) more.push_back({Kind::kLength, quantity.of});
+  std::vector<MotorFacts> drives;
+  for (const RecordedDrive& joint : records.front().joints) drives.push_back(joint.motor);
+  const MotorFacts stated = AverageOf(drives);
+  const auto mean = [&stated](Kind kind) {
+    if (kind == Kind::kVelocityLag) return stated.velocity_filter_s;
+    if (kind == Kind::kTorqueLag) return stated.torque_time_constant_s;
+    return kind == Kind::kTorque ? portable::Log(stated.torque_factor) : 0.0;
+  };
   const std::size_t n = prior.size(), m = n + more.size();
   std::vector<double> covariance(m * m, 0.0);
   for (std::size_t i = 0; i < n; ++i) covariance[i * m + i] = prior.covariance[i * n + i];
@@ -480,7 +489,7 @@ FitPrior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
     const double sd = FactsOf(more[i].kind).prior_sd;
     covariance[(n + i) * m + n + i] = sd * sd;
     prior.quantities.push_back(more[i]);
-    prior.mean.push_back(0);
+    prior.mean.push_back(mean(more[i].kind));
   }
   prior.covariance = std::move(covariance);
   return {std::move(prior), {}, {}};

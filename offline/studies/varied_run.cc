@@ -1,5 +1,6 @@
 #include "offline/studies/varied_run.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -36,9 +37,13 @@ DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>
   for (std::size_t j = 0; j < variation.joints.size(); ++j) {
     const RobotVariation::Joint& joint = variation.joints[j];
     motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
-    motors[j].torque_factor *= joint.torque;
-    motors[j].velocity_filter_s += joint.velocity_filter_s;
-    motors[j].torque_time_constant_s += joint.torque_lag_s;
+    motors[j].torque_factor = *motors[j].torque_factor * joint.torque;
+    // What is taken off leaves at least nothing.
+    const auto add = [](std::optional<double>& constant_s, double more_s) {
+      constant_s = std::max(0.0, *constant_s + more_s);
+    };
+    add(motors[j].velocity_filter_s, joint.velocity_filter_s);
+    add(motors[j].torque_time_constant_s, joint.torque_lag_s);
     DriveEntry& drive = drives.drives[j];
     drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
     drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
@@ -71,8 +76,13 @@ SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
     (shared.space_scene ? shared.space_scene->contact : shared.scene.contact) = *contact;
   shared.config.motors.resize(shared.drives.drives.size());
   for (std::size_t j = 0; j < shared.config.motors.size(); ++j) {
-    if (!shared.config.motors[j].torque_max_nm)
-      shared.config.motors[j].torque_max_nm = LargestTorqueLimit(motion.file(), j);
+    JointMotor& motor = shared.config.motors[j];
+    const MotorFacts& stated = shared.drives.drives[j].motor;
+    if (!motor.torque_max_nm) motor.torque_max_nm = LargestTorqueLimit(motion.file(), j);
+    motor.torque_factor = motor.torque_factor.value_or(stated.torque_factor);
+    motor.torque_time_constant_s =
+        motor.torque_time_constant_s.value_or(stated.torque_time_constant_s);
+    motor.velocity_filter_s = motor.velocity_filter_s.value_or(stated.velocity_filter_s);
   }
   return shared;
 }

@@ -23,10 +23,11 @@ const DriveEntry& DriveOf(const DrivesConfig& drives, const std::string& joint) 
 
 /// @param of_task  what is known of the motor there.
 SimulatedMotorConfig AtShaft(const JointMotor& motor, const Motor& of_task, double torque_max_nm,
-                             const JointMap& map) {
+                             const DriveEntry& entry) {
+  const JointMap& map = JointOf(entry.config);
   const double torque_ratio = std::abs(static_cast<double>(map.ToDriveTorque(1)));
   const double speed_ratio = std::abs(static_cast<double>(map.ToDriveVelocity(1)));
-  SimulatedMotorConfig shaft;
+  SimulatedMotorConfig shaft = MotorOf(entry);
   shaft.torque_max_nm = motor.torque_max_nm.value_or(torque_max_nm) * torque_ratio;
   shaft.base_speed_rad_s = motor.base_speed_rad_s.value_or(of_task.base_speed_rad_s) * speed_ratio;
   shaft.no_load_speed_rad_s =
@@ -35,9 +36,10 @@ SimulatedMotorConfig AtShaft(const JointMotor& motor, const Motor& of_task, doub
                                ? 0.0
                                : 6.2831853071795864769 / motor.encoder_counts_per_turn;
   shaft.turnaround_ns = std::llround(motor.answer_delay_s * 1e9);
-  shaft.torque_time_constant_s = motor.torque_time_constant_s;
-  shaft.torque_factor = motor.torque_factor;
-  shaft.velocity_filter_s = motor.velocity_filter_s;
+  shaft.torque_time_constant_s =
+      motor.torque_time_constant_s.value_or(shaft.torque_time_constant_s);
+  shaft.torque_factor = motor.torque_factor.value_or(shaft.torque_factor);
+  shaft.velocity_filter_s = motor.velocity_filter_s.value_or(shaft.velocity_filter_s);
   shaft.ambient_c = motor.ambient_c;
   shaft.heating_k_per_nm2 = motor.heating_k_per_nm2 / (torque_ratio * torque_ratio);
   shaft.thermal_time_constant_s = motor.thermal_time_constant_s;
@@ -87,8 +89,7 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     const DriveEntry& entry = DriveOf(drives, joints_.back());
     const JointMotor motor = j < config.motors.size() ? config.motors[j] : JointMotor{};
     const Motor of_task = j < motors.size() ? motors[j] : Motor{};
-    drives_.push_back(
-        MakeSimulatedDrive(entry, AtShaft(motor, of_task, torque_max_nm, JointOf(entry.config))));
+    drives_.push_back(MakeSimulatedDrive(entry, AtShaft(motor, of_task, torque_max_nm, entry)));
     drives_.back()->AttachTo(bus_);
     pointers.push_back(drives_.back().get());
   }

@@ -29,12 +29,8 @@ struct JointMotor {
   int encoder_counts_per_turn = 16384;
   /// Sets SimulatedMotorConfig::turnaround_ns.
   double answer_delay_s = 20e-6;
-  /// Time constant of the current loop.
-  double torque_time_constant_s = 0;
-  /// What the motor exerts for each newton metre that its drive reckons with.
-  double torque_factor = 1;
-  /// Time constant of the filter through which the drive sees its velocity.
-  double velocity_filter_s = 0;
+  /// As MotorFacts; none: as the drives file says.
+  std::optional<double> torque_time_constant_s, torque_factor, velocity_filter_s;
   double ambient_c = 25;
   /// Excess temperature per torque squared, when it is steady. The default stands for copper losses
   /// of 0.35 W/(N m)^2 through 2 K/W: a geared motor of 0.5 kg that gives 9 N m for long.

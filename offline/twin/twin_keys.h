@@ -110,13 +110,16 @@ inline constexpr std::array kMotorKeys = {
     KeyOf<&MotorEntry::answer_delay_s, MotorEntry>("answer_delay_s", {0, 0.1},
                                                    "from the end of a frame to its answer"),
     KeyOf<&MotorEntry::torque_time_constant_s, MotorEntry>("torque_time_constant_s", {0, 0.1},
-                                                           "of the current loop, first order"),
+                                                           "of the current loop, first order")
+        .Default("the drives file's, 0 where it says none"),
     KeyOf<&MotorEntry::torque_factor, MotorEntry>(
         "torque_factor", {0.1, 10},
-        "of what the motor exerts for each N m that its drive reckons with"),
+        "of what the motor exerts for each N m that its drive reckons with")
+        .Default("the drives file's, 1 where it says none"),
     KeyOf<&MotorEntry::velocity_filter_s, MotorEntry>(
         "velocity_filter_s", {0, 0.1},
-        "of the filter through which the drive sees its velocity, first order; 0: none"),
+        "of the filter through which the drive sees its velocity, first order; 0: none")
+        .Default("the drives file's, 0 where it says none"),
     KeyOf<&MotorEntry::rotor_inertia_kg_m2, MotorEntry>("rotor_inertia_kg_m2", {0, 10},
                                                         "seen through the gear")
         .Default("the task's"),

@@ -140,7 +140,7 @@ void FlightRecord::TakeDamages() {
 bool FlightRecord::Next(TickEntry& entry) {
   Block block;
   truths_.clear();
-  while (reader_.Next(block)) {
+  while (!end_ && reader_.Next(block)) {
     TakeDamages();
     const auto damaged = [this, &block](const std::string& what) {
       damages_.push_back({block.offset, fmt::format("block {}: {}", block.number, what)});
@@ -172,6 +172,10 @@ bool FlightRecord::Next(TickEntry& entry) {
           damaged("the file before it does not have the CRC it had");
         } else {
           end_ = end;
+          if (offset() < size()) {
+            damages_.push_back({offset(), fmt::format("{} bytes are behind the end of the record",
+                                                      size() - offset())});
+          }
         }
         break;
       }

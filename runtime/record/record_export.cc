@@ -90,7 +90,8 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
 TimedRecords::TimedRecords(const RecordConfiguration& configuration) {
   try {
     const FileReader read = RecordedFiles(configuration);
-    replies_ = SampleTimesOf(LoadDrivesOf(configuration.joints, configuration.drives_file, read));
+    replies_ = SampleTimesOf(LoadDrivesOf(configuration.joints, configuration.drives_file, read),
+                             configuration.period_ns);
   } catch (const std::exception&) {
     // Whoever needs the drives says what is wrong with them.
   }

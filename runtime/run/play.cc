@@ -41,7 +41,7 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
   loop_ = std::make_unique<ControlLoop>(
       ControlLoop::Parts{assembly_.executor(), world_.bus(), clock, *procedure_, InterruptMailbox(),
                          outputs_.telemetry, outputs_.recorder,
-                         SampleTimesOf(assembly_.parts().drives)},
+                         SampleTimesOf(assembly_.parts().drives, period_ns)},
       period_ns, start_ns);
   while (loop_->Step()) {
     if (service_) service_->NoteTick();

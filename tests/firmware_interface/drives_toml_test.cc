@@ -1,4 +1,5 @@
 #include "firmware_interface/devices/drives_toml.h"
+#include "firmware_interface/devices/make_simulated.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
@@ -83,6 +84,31 @@ TEST(DrivesToml, AModelGivesRangesAndDialectWhereTheFileDoesNot) {
   EXPECT_EQ(mit.command.velocity_rad_s.max, 50) << "the file's own";
   EXPECT_EQ(mit.reply_id, mit.command_id) << "it answers on its own identifier";
   EXPECT_EQ(std::get<MitConfig>(config.drives[1].config).dialect, MitDialect::kMiniCheetah);
+}
+
+TEST(DrivesToml, WhatIsSaidOfAMotorIsReadOfEachDriveAndSimulated) {
+  const std::string leg = "joint = \"leg1\"";
+  const std::string text = Mutate(
+      ShippedText(), leg,
+      leg + "\ntorque_factor = 1.1\ntorque_time_constant_s = 0.001\nvelocity_filter_s = 0.003");
+  const DrivesConfig config = ParseDrives(text, "drives.toml");
+  EXPECT_EQ(config.drives[0].motor, (MotorFacts{1.1, 0.001, 0.003}));
+  EXPECT_EQ(config.drives[1].motor, MotorFacts{});
+  const SimulatedMotorConfig motor = MotorOf(config.drives[0]);
+  EXPECT_EQ(motor.torque_factor, 1.1);
+  EXPECT_EQ(motor.torque_time_constant_s, 0.001);
+  EXPECT_EQ(motor.velocity_filter_s, 0.003);
+  for (const std::string wrong :
+       {"torque_factor = 0.0", "torque_time_constant_s = -0.1", "velocity_filter_s = 3.0"}) {
+    try {
+      ParseDrives(Mutate(ShippedText(), leg, leg + "\n" + wrong), "drives.toml");
+      ADD_FAILURE() << wrong;
+    } catch (const FileError& error) {
+      const std::string said = error.what();
+      EXPECT_NE(said.find(wrong.substr(0, wrong.find(' '))), std::string::npos) << said;
+      EXPECT_NE(said.find("allowed"), std::string::npos) << said;
+    }
+  }
 }
 
 TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {

@@ -3,15 +3,23 @@
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
+#include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "common/files/json.h"
+#include "common/files/primitive_hash.h"
+#include "common/files/primitive_toml.h"
 #include "common/files/result_file.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "offline/problem/posterior_toml.h"
 #include "offline/studies/excitation.h"
+#include "offline/studies/recorded_motion.h"
+#include "runtime/record/flight_record.h"
+#include "runtime/record/flight_recorder.h"
 #include "tests/support/files.h"
 #include "tests/support/hidden_robot.h"
 #include "tests/support/program.h"
@@ -203,6 +211,249 @@ TEST(IdentifyProgram, APriorOfAnEarlierVersionIsRefused) {
   const Outcome outcome = Identify({"fit", of.sway(), "--prior", folder / "old.toml"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, AllOf(HasSubstr("old.toml"), HasSubstr("earlier version")));
+}
+
+/// Drives whose file says of their motors what they are, or does not.
+std::string DrivesThatSay(const std::string& keys) {
+  return ReplacedAll(ReadFile(kDrivesFile), "kd_nm_s_per_rad = 5.0",
+                     "kd_nm_s_per_rad = 5.0\n" + keys);
+}
+
+double MeanOf(const PosteriorFile& file, RobotQuantity::Kind kind, const std::string& of = "") {
+  for (std::size_t i = 0; i < file.posterior.size(); ++i) {
+    if (file.posterior.quantities[i] == RobotQuantity{kind, of}) return file.posterior.mean[i];
+  }
+  ADD_FAILURE() << "there is no such quantity";
+  return 0;
+}
+
+TEST(IdentifyProgram, WhatADrivesFileSaysOfItsMotorsIsWhereAFitBeginsAndWhatAModelSays) {
+  using Kind = RobotQuantity::Kind;
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string says = folder / "says.toml", silent = folder / "silent.toml";
+  WriteFile(says, DrivesThatSay("torque_factor = 1.03\nvelocity_filter_s = 0.003"));
+  WriteFile(silent, DrivesThatSay(""));
+  std::map<std::string, PosteriorFile> model_of;
+  for (const std::string& drives : {says, silent}) {
+    std::vector<std::string> fit = {"fit"};
+    for (const std::string task : {"rise", "stand"}) {
+      const testing::HiddenRuns run(fs::path(of.motion()).parent_path() / (task + ".toml"), drives);
+      testing::HiddenRobot robot = testing::DrawHiddenRobot(run.scene(), 11, 2);
+      robot.torque_factor = 1.03;
+      robot.velocity_filter_s = 0.003;
+      EXPECT_TRUE(run.Record(robot, drives + task + ".rec"));
+      fit.push_back(drives + task + ".rec");
+    }
+    fit.insert(fit.end(), {"--out", drives + ".model"});
+    const Outcome outcome = Identify(fit);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+    model_of[drives] = LoadPosterior(drives + ".model/posterior.toml");
+    EXPECT_NEAR(MeanOf(model_of[drives], Kind::kVelocityLag), 0.003, 3e-4);
+  }
+  // Nothing but what is said tells the torque constant, and with it the masses.
+  EXPECT_NEAR(MeanOf(model_of[says], Kind::kMass, "middle") -
+                  MeanOf(model_of[silent], Kind::kMass, "middle"),
+              std::log(1.03), 0.02);
+  const PosteriorFile& model = model_of[says];
+  EXPECT_EQ(model.drives.of_joint[1].torque_factor, 1.03);
+  EXPECT_EQ(model.drives.of_joint[1].velocity_filter_s, 0.003) << "before the fit";
+  const DrivesConfig found = LoadDrives(says + ".model/drives.toml");
+  for (const DriveEntry& drive : found.drives) {
+    EXPECT_EQ(drive.motor.torque_factor, 1.03);
+    EXPECT_EQ(drive.motor.velocity_filter_s, MeanOf(model, Kind::kVelocityLag));
+  }
+  EXPECT_THAT(ReadFile(says + ".model/twin.toml"),
+              AllOf(HasSubstr("torque_factor = 1.03\n"), HasSubstr("\nvelocity_filter_s = 0.00")));
+  // The gate plays the robot of the posterior, whatever is said of its drives.
+  std::vector<std::string> robots;
+  for (const std::string& drives : {says, silent}) {
+    static_cast<void>(Identify({"gate", kStand, says + ".model/posterior.toml", "--drives", drives,
+                                "--draws", "1", "--json", folder / "gate.json"}));
+    const std::string json = ReadFile(folder / "gate.json");
+    robots.push_back(json.substr(json.find("\"robots\"")));
+  }
+  EXPECT_EQ(robots[0], robots[1]);
+  EXPECT_THAT(robots[0], HasSubstr("\"stands\""));
+}
+
+/// The bytes of a record up to so many ticks after its motion began; below 0: before that.
+std::string CutAt(const std::string& path, std::int64_t ticks) {
+  const std::string bytes = ReadFile(path);
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, path);
+  const auto entry = std::make_unique<TickEntry>();
+  std::vector<std::size_t> offsets;
+  std::int64_t begins = -1;
+  while (record.Next(*entry)) {
+    if (begins < 0 && entry->record.state == ExecutorState::kRunning)
+      begins = static_cast<std::int64_t>(offsets.size());
+    offsets.push_back(record.tick_offset());
+  }
+  return bytes.substr(0, offsets[static_cast<std::size_t>(begins + ticks)]);
+}
+
+TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
+  constexpr std::int64_t kSlower = 20;
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string bytes = ReadFile(of.back());
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "back");
+  RecordConfiguration configuration = record.configuration();
+  configuration.period_ns *= kSlower;
+  FlightRecorderConfig config;
+  config.file = folder / "slow.rec";
+  config.configuration = EncodeConfiguration(configuration);
+  FlightRecorder recorder(config);
+  const auto entry = std::make_unique<TickEntry>();
+  while (record.Next(*entry)) {
+    TickNotes& notes = entry->notes;
+    for (std::int64_t* time_ns :
+         {&notes.deadline_ns, &notes.due_ns, &notes.awake_ns, &notes.send_ns, &notes.done_ns})
+      *time_ns *= kSlower;
+    for (std::size_t i = 0; i < entry->received_count; ++i) entry->received[i].time_ns *= kSlower;
+    recorder.Push(notes, entry->input(), {entry->frames, entry->record});
+    recorder.Drain();
+  }
+  recorder.Stop("completed");
+  const RecordedMotion usual = ReadRecordedMotion(of.back());
+  const RecordedMotion slow = ReadRecordedMotion(config.file);
+  EXPECT_NEAR(slow.tick_s, usual.tick_s, 1e-12);
+  EXPECT_NEAR(slow.late_s, usual.late_s, 1e-9);
+  EXPECT_GT(usual.late_s, 1e-5);
+  EXPECT_EQ(slow.begins, usual.begins);
+  ASSERT_EQ(slow.ticks.size(), usual.ticks.size());
+  for (std::size_t k = 0; k < usual.ticks.size(); ++k)
+    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-9);
+}
+
+TEST(IdentifyProgram, ARecordThatTellsNothingIsRefusedBySayingWhy) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string bad = folder / "bad.rec";
+  const auto refused = [&](const std::string& what) {
+    const Outcome outcome = Identify({"fit", bad, "--out", folder / "model"});
+    EXPECT_EQ(outcome.exit_code, 1) << what;
+    EXPECT_THAT(outcome.text, AllOf(HasSubstr(bad), HasSubstr(what)));
+    EXPECT_FALSE(fs::exists(folder / "model"));
+  };
+  WriteFile(bad, "");
+  refused("cut off within its first 16 bytes");
+  WriteFile(bad, ReadFile(of.motion()));
+  refused("is not a flight record");
+  WriteFile(bad, CutAt(of.back(), -1));
+  refused("no motion was played");
+  // The motion has begun, and ends before it has told anything.
+  WriteFile(bad, CutAt(of.back(), 450));  // 0.4 s of it are a hold.
+  refused("of its motion can be used (the record ends)");
+}
+
+TEST(IdentifyProgram, OfARecordThatIsCutOrHasAFaultWhatIsThereIsUsedAndSaid) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  WriteFile(folder / "cut.rec", CutAt(of.back(), 1200));
+  const Outcome cut = Identify({"fit", folder / "cut.rec"});
+  EXPECT_NE(cut.exit_code, 1) << cut.text;
+  EXPECT_THAT(cut.text, HasSubstr("is cut in the motion; used are the 0."));
+  std::string damaged = ReadFile(of.back());
+  damaged[CutAt(of.back(), 900).size() + 100] ^= 1;
+  WriteFile(folder / "damaged.rec", damaged);
+  const Outcome lost = Identify({"fit", folder / "damaged.rec"});
+  EXPECT_NE(lost.exit_code, 1) << lost.text;
+  EXPECT_THAT(lost.text, HasSubstr("used up to ticks that the record has lost, 0."));
+  // A drive falls silent in the motion.
+  WriteFile(folder / "faults.toml",
+            "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"disconnect\"\n"
+            "node = \"leg1\"\nstart_s = 1.2\nduration_s = 5.0\n");
+  const Outcome run = testing::RunProgram({"tumbler run", "sim", of.motion(), "--drives",
+                                           kDrivesFile, "--bus-faults", folder / "faults.toml",
+                                           "--record", folder / "fault.rec"});
+  EXPECT_EQ(run.exit_code, 3) << run.text;
+  const Outcome fault = Identify({"fit", folder / "fault.rec"});
+  EXPECT_NE(fault.exit_code, 1) << fault.text;
+  EXPECT_THAT(fault.text, HasSubstr("used up to a fault, 0."));
+}
+
+TEST(IdentifyProgram, ARunThatFellIsFittedAsTheRobotMayHaveMovedSo) {
+  const testing::TemporaryFolder folder;
+  const Outcome run = testing::RunProgram(
+      {"tumbler run", "sim", SourcePath("primitives/handstand.toml"), "--twin",
+       SourcePath("primitives/robots/tumbler_built_twin.toml"), "--record", folder / "fell.rec"});
+  EXPECT_EQ(run.exit_code, 4) << run.text;
+  const Outcome fit = Identify({"fit", folder / "fell.rec"});
+  EXPECT_NE(fit.exit_code, 1) << fit.text;
+  EXPECT_THAT(fit.text,
+              AllOf(HasSubstr("fell.rec: handstand"), HasSubstr(" s used"), HasSubstr("chi ")));
+}
+
+TEST(IdentifyProgram, RecordsThatDoNotGoTogetherAreRefusedOrNotExplained) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  // Another robot's: its motion was made for another URDF.
+  const std::string other = folder / "other.toml";
+  const PrimitiveFile file = LoadPrimitive(of.motion());
+  PrimitiveFile heavier = file;
+  heavier.provenance.robot_urdf =
+      ReplacedAll(file.provenance.robot_urdf, "<robot name=\"", "<robot name=\"another_");
+  heavier.provenance.robot_hash = HashOfText(heavier.provenance.robot_urdf);
+  PendingFile(other, ToToml(heavier)).Commit();
+  const testing::HiddenRuns run(other, kDrivesFile);
+  EXPECT_TRUE(run.Record(testing::DrawHiddenRobot(run.scene(), 11, 2), folder / "other.rec"));
+  const Outcome of_other = Identify({"fit", of.sway(), folder / "other.rec"});
+  EXPECT_EQ(of_other.exit_code, 1);
+  EXPECT_THAT(of_other.text, AllOf(HasSubstr("other.rec: is of another robot than " + of.sway()),
+                                   HasSubstr("give records of motions of one URDF")));
+  // At another rate.
+  WriteFile(folder / "slow.toml",
+            ReplacedAll(ReadFile(kDrivesFile), "rate_hz = 1000.0", "rate_hz = 500.0"));
+  of.Record("stand", folder / "slow.toml", folder / "slow.rec");
+  const Outcome at_other = Identify({"fit", of.back(), folder / "slow.rec"});
+  EXPECT_EQ(at_other.exit_code, 1);
+  EXPECT_THAT(at_other.text, AllOf(HasSubstr("slow.rec: was made with other drives"),
+                                   HasSubstr("rate_hz is 500 and 1000")));
+  const Outcome alone = Identify({"fit", folder / "slow.rec"});
+  EXPECT_NE(alone.exit_code, 1) << "a rate of its own is none the worse" << alone.text;
+  // Two robots of one URDF on one kind of drives: nothing says so but that no robot is both.
+  const testing::HiddenRuns sway(fs::path(of.motion()).parent_path() / "stand.toml", kDrivesFile);
+  EXPECT_TRUE(sway.Record(testing::DrawHiddenRobot(sway.scene(), 11, 3), folder / "mixed.rec"));
+  const Outcome mixed = Identify({"fit", of.back(), folder / "mixed.rec"});
+  EXPECT_EQ(mixed.exit_code, 4) << mixed.text;
+  EXPECT_THAT(mixed.text, HasSubstr("an EFFECTIVE model"));
+}
+
+TEST(IdentifyProgram, AWeightThatIsNoneIsRefusedAndAWrongOneIsWarnedOf) {
+  const Records& of = Shared();
+  for (const std::string weight : {"0", "-1.2", "1e9", "nan", "heavy"}) {
+    const Outcome outcome = Identify({"fit", of.back(), "--weight-kg", weight});
+    EXPECT_EQ(outcome.exit_code, 1) << weight;
+    EXPECT_THAT(outcome.text, HasSubstr("--weight-kg")) << weight;
+  }
+  const Outcome twice = Identify({"fit", of.back(), of.sway(), "--weight-kg", "2.4"});
+  EXPECT_NE(twice.exit_code, 1) << twice.text;
+  EXPECT_THAT(twice.text, HasSubstr("warning: torque factor is "));
+  EXPECT_THAT(twice.text, HasSubstr("a wrong weight"));
+}
+
+TEST(IdentifyProgram, APriorThatIsNoneIsRefusedByFileLineAndWhatIsWrong) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string prior = folder / "prior.toml", good = ReadFile(of.posterior());
+  const auto refused = [&](const std::string& text, const std::string& what) {
+    WriteFile(prior, text);
+    const Outcome outcome = Identify({"fit", of.sway(), "--prior", prior, "--out", folder / "m"});
+    EXPECT_EQ(outcome.exit_code, 1) << what;
+    EXPECT_THAT(outcome.text, AllOf(HasSubstr(prior), HasSubstr(what)));
+    EXPECT_FALSE(fs::exists(folder / "m"));
+  };
+  refused("", "format");
+  refused(ReadFile(kDrivesFile), "is 'tumbler-drives'");
+  refused(ReadFile(of.back()), "is a flight record");
+  refused(good.substr(0, good.size() / 2), "prior.toml");
+  refused(Replaced(good, "effective = false", "effective = true"),
+          "what does not explain its records says nothing");
+  refused(ReplacedAll(good, "kind = \"slope\"", "kind = \"colour\""), "'colour'");
+  const Outcome none = Identify({"fit", of.sway(), "--prior", folder / "none.toml"});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_THAT(none.text, HasSubstr("none.toml"));
 }
 
 }  // namespace

@@ -110,6 +110,34 @@ TEST(SimulatedRobot, IsHeldUntilAllDrivesAreEnabledAndPutBackWhenItIsPickedUp) {
   EXPECT_EQ(rig.robot.state().root_vz_m_s, 0);
 }
 
+TEST(SimulatedRobot, ItsMotorsAreAsTheDrivesFileSaysUnlessTheTwinFileSaysOtherwise) {
+  const auto joints_of = [](const SimulatedRobotConfig& config, const MotorFacts& stated) {
+    DrivesConfig drives = Drives();
+    for (DriveEntry& drive : drives.drives) drive.motor = stated;
+    RobotRig rig(config, drives);
+    rig.HoldAt(-1.2F, 1.2F);
+    rig.robot.AdvanceTo(50 * kMs);
+    return rig.robot.state().joint_positions_rad;
+  };
+  const auto twin_of = [](const MotorFacts& motor) {
+    SimulatedRobotConfig config = Aloft();
+    config.motors.resize(2);
+    for (JointMotor& of : config.motors) {
+      of.torque_factor = motor.torque_factor;
+      of.torque_time_constant_s = motor.torque_time_constant_s;
+      of.velocity_filter_s = motor.velocity_filter_s;
+    }
+    return config;
+  };
+  const MotorFacts usual;
+  for (const MotorFacts& stated :
+       {MotorFacts{1.1, 0, 0}, MotorFacts{1, 1e-3, 0}, MotorFacts{1, 0, 3e-3}}) {
+    EXPECT_EQ(joints_of(Aloft(), stated), joints_of(twin_of(stated), usual));
+    EXPECT_EQ(joints_of(twin_of(usual), stated), joints_of(Aloft(), usual));
+    EXPECT_NE(joints_of(Aloft(), stated), joints_of(Aloft(), usual));
+  }
+}
+
 TEST(SimulatedRobot, APushGivesTheMomentumOfItsForceTimesItsDuration) {
   SimulatedRobotConfig config = Aloft();
   // The push acts at the robot's mass centre, where the legs (0.8 of 1.8 kg, 0.1 m below the

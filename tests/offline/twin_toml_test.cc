@@ -52,7 +52,8 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
     EXPECT_EQ(shipped.motors[j].torque_max_nm, 8);
     EXPECT_EQ(shipped.motors[j].encoder_counts_per_turn, none.motors[j].encoder_counts_per_turn);
     EXPECT_EQ(shipped.motors[j].answer_delay_s, none.motors[j].answer_delay_s);
-    EXPECT_EQ(shipped.motors[j].torque_time_constant_s, none.motors[j].torque_time_constant_s);
+    EXPECT_EQ(shipped.motors[j].torque_time_constant_s, 0);
+    EXPECT_FALSE(none.motors[j].torque_time_constant_s) << "that of the drives file, which is 0";
     EXPECT_EQ(shipped.motors[j].ambient_c, none.motors[j].ambient_c);
     EXPECT_EQ(shipped.motors[j].heating_k_per_nm2, none.motors[j].heating_k_per_nm2);
     EXPECT_EQ(shipped.motors[j].thermal_time_constant_s, none.motors[j].thermal_time_constant_s);

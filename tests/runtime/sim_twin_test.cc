@@ -529,7 +529,7 @@ TEST_F(SimTwin, TellsToTheBitOfTheBusWhenRepliesWereSampled) {
   OperatorMailbox mailbox;
   Telemetry telemetry({});
   ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox, &telemetry, nullptr,
-                    SampleTimesOf(drives)},
+                    SampleTimesOf(drives, 1'000'000)},
                    1'000'000, 0);
   std::int64_t compared = 0;
   double off_most_rad = 0;

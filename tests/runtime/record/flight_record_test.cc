@@ -152,6 +152,20 @@ TEST(FlightRecord, NoticesBlocksThatWereTakenOutOrAdded) {
   EXPECT_FALSE(taken.complete);
 }
 
+TEST(FlightRecord, WhatIsBehindItsEndIsNoPartOfARecordThatIsCutOffOrDamagedBeforeThat) {
+  const std::string& whole = SmallRecord();
+  for (const std::string& behind : {std::string("rubbish"), std::string(1000, 'x'), whole}) {
+    const Reading reading = Read(whole + behind);
+    EXPECT_EQ(reading.indices, Read(whole).indices);
+    EXPECT_TRUE(reading.complete);
+    EXPECT_FALSE(reading.cut_off);
+    ASSERT_EQ(reading.damages.size(), 1U);
+    EXPECT_EQ(reading.damages[0].offset, whole.size());
+    EXPECT_EQ(reading.damages[0].what,
+              std::to_string(behind.size()) + " bytes are behind the end of the record");
+  }
+}
+
 TEST(FlightRecord, NamesWhatIsNoRecordOrAnotherVersion) {
   EXPECT_THAT(Read("(1436509052.249713) vcan0 044#2A366C2BBA\n").refusal,
               HasSubstr("run.rec: is not a flight record"));
