@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <numeric>
@@ -117,6 +118,24 @@ struct Complementing {
   static constexpr int kLooked = 200;
 };
 
+/// The tuning of a motion to one robot, of which a posterior is known. Its robots differ little,
+/// and the search ends as soon as they stand.
+struct Tuning {
+  /// The largest loss of a robot that stands with a margin (`LossOf`): it is off by at most 0.6 of
+  /// what is allowed in angle, and about as much in speed.
+  static constexpr double kMargin = 0.04;
+  /// A search has come to its end when the mean loss has sunk by less than this part in so many
+  /// generations; while robots fall, not before it had a chance.
+  static constexpr double kProgress = 0.05;
+  static constexpr std::size_t kPatience = 10, kChance = 20;
+  /// A mean loss of few robots from which more robots do not lead on: many of them fall.
+  static constexpr double kNoUse = 0.5;
+  /// Slopes of the ground on which the model has to stay, too [rad]: one for each lane. The second
+  /// look asks for 2 mrad.
+  static constexpr std::array<double, kLanes> kSlopes_rad = {0,     1e-3, -1e-3, 2e-3,
+                                                             -2e-3, 3e-3, -3e-3, 0};
+};
+
 /// The feedback in the motion and that of the hold.
 struct FeedingBack {
   /// Gains of a feedback in the motion, for one of the variables that stand for them, whose
@@ -186,7 +205,11 @@ class RobustSearch {
       places_.push_back({Index(term.dof), term.target, tolerance_rad_ / term.tolerance});
     }
     model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kRough);
-    if (beside_model()) fine_model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kFine);
+    if (tunes()) {
+      fine_model_ = ModelOnSlopes();
+    } else if (beside_model()) {
+      fine_model_ = EnsembleOf(std::vector<std::uint64_t>(kLanes), 0, 0, kFine);
+    }
   }
 
   /// @param guess  a motion to begin with, in place of the first two stages; empty: none. Where a
@@ -250,12 +273,15 @@ class RobustSearch {
   /// The robots of the last improvement, or a part of them.
   /// @param series  of robots: 0, or 1 for others than those.
   [[nodiscard]] Ensemble Polishing(int part, int series = 0) const {
+    const bool rough = tunes() && part > 1;  // the last round corrects what that takes wrong
     return MakeEnsemble(std::max(robust_.polish_robots / part, static_cast<int>(kLanes)),
-                        robust_.polish_scale, kFine, series);
+                        robust_.polish_scale, rough ? kRough : kFine, series);
   }
   std::vector<Candidate> Polish(std::vector<Candidate> from) {
-    for (int round = robust_.polish_rounds - 1; round >= 0; --round)
+    for (int round = robust_.polish_rounds - 1; round >= 0; --round) {
       from = Improve(from, 1, 0.03, Polishing(1 << round), robust_.generations);
+      if (tunes() && !from.empty() && from.front().loss > Tuning::kNoUse) break;
+    }
     const bool raced = Index(robust_.polish_robots) >= Racing::kLeastPackets * kLanes;
     if (from.empty() || !raced || !complement_.empty() || interrupted()) return from;
     // The least of many losses is also that of the motion that suits these robots by chance.
@@ -346,6 +372,10 @@ class RobustSearch {
   /// friction, zeros and a slope that the model has not.
   [[nodiscard]] bool beside_model() const {
     return !complement_.empty() || robust_.spreads.posterior != nullptr;
+  }
+  /// Whether the motion is for one robot, of which a posterior is known.
+  [[nodiscard]] bool tunes() const {
+    return robust_.spreads.posterior != nullptr && complement_.empty() && !robust_.feedback;
   }
   [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
   [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }
@@ -467,6 +497,27 @@ class RobustSearch {
   Ensemble EnsembleOf(const std::vector<std::uint64_t>& which, double scale, std::uint64_t seed,
                       LaneSteps steps) const {
     steps.per_tick *= FinerStepsFor(problem_.scene.contact, robust_.spreads, scale);
+    std::vector<RobotVariation> robots;
+    for (const std::uint64_t robot : which)
+      robots.push_back(DrawRobot(problem_.scene, robust_.spreads, scale, seed, robot));
+    return EnsembleOf(robots, seed, steps);
+  }
+
+  /// The model on grounds that slope. (A posterior's robots of no deviation are its mean.)
+  [[nodiscard]] Ensemble ModelOnSlopes() const {
+    Spreads none;
+    none.mass = 0;
+    none.LeaveGround();
+    std::vector<RobotVariation> robots(kLanes, DrawRobot(problem_.scene, none, 0, 0, 0));
+    for (std::size_t lane = 0; lane < kLanes; ++lane)
+      robots[lane].slope_rad = Tuning::kSlopes_rad[lane];
+    return EnsembleOf(robots, 0, kFine);
+  }
+
+  /// @param robots  whole packets.
+  /// @param seed    of their sensors' noise.
+  Ensemble EnsembleOf(const std::vector<RobotVariation>& variations, std::uint64_t seed,
+                      LaneSteps steps) const {
     Ensemble ensemble;
     ensemble.steps = steps;
     for (std::size_t j = 0; j < joints_; ++j)
@@ -474,12 +525,11 @@ class RobustSearch {
     Setpoints hold;
     for (int k = 0; k < Ticks(Watching::kBefore_s); ++k)
       hold.insert(hold.end(), ensemble.held.begin(), ensemble.held.begin() + joints_);
-    for (std::size_t first = 0; first < which.size(); first += kLanes) {
+    for (std::size_t first = 0; first < variations.size(); first += kLanes) {
       std::array<LaneRobot<double>, kLanes> each;
       std::array<LaneState<double>, kLanes> states, displaced;
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const RobotVariation variation =
-            DrawRobot(problem_.scene, robust_.spreads, scale, seed, which[first + lane]);
+        const RobotVariation& variation = variations[first + lane];
         each[lane] = LanesOf(variation).robot;
         states[lane] = Start();
         displaced[lane] = DisplacementOf(variation);
@@ -624,8 +674,7 @@ class RobustSearch {
   /// the settle phase. What is found for robots that others carry does so by itself.
   void NoteUnrest(const LaneRobot<Packet>& model, double step_s, const Setpoints& setpoints,
                   LaneState<Packet>& state, std::vector<Plan>& plans) const {
-    // Of the tolerances. On the ground of a posterior, which may damp little, a robot rocks less in
-    // the steps of lanes than in those of the second look.
+    // Of the tolerances. On the ground of a posterior, which may damp little, a robot rocks long.
     const double part = complement_.empty() ? 0.4 : 0.7;
     const std::array<double, kLanes> off = OffOf(state);
     Setpoints last;
@@ -1019,9 +1068,33 @@ class RobustSearch {
     return losses;
   }
 
+  /// Losses of motions by which they can be ordered, where a motion is tuned: each is played on a
+  /// packet of the robots, another one in each generation, and the better half on all. The others'
+  /// losses are as much higher as a motion that is dropped in a race.
+  std::vector<double> EvaluateHalf(const std::vector<std::vector<double>>& motions,
+                                   const Ensemble& ensemble, int generation) {
+    const std::size_t packet = Index(generation) % ensemble.robots.size();
+    Ensemble some;
+    some.held = ensemble.held;
+    some.steps = ensemble.steps;
+    some.robots = {ensemble.robots[packet]};
+    some.states = {ensemble.states[packet]};
+    std::vector<double> losses = Evaluate(motions, some, false);
+    std::vector<std::size_t> order(motions.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
+    const std::size_t half = (motions.size() + 1) / 2;
+    std::vector<std::vector<double>> better;
+    for (std::size_t i = 0; i < half; ++i) better.push_back(motions[order[i]]);
+    for (double& loss : losses) loss += Racing::kDropped;
+    const std::vector<double> of_better = Evaluate(better, ensemble);
+    for (std::size_t i = 0; i < half; ++i) losses[order[i]] = of_better[i];
+    return losses;
+  }
+
   /// Losses of motions, penalties included.
   std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
-                               const Ensemble& ensemble) {
+                               const Ensemble& ensemble, bool with_model = true) {
     std::vector<double> losses(motions.size());
     const int packets = static_cast<int>((motions.size() + kLanes - 1) / kLanes);
     ParallelFor(packets, options_.threads, [&](int p, int /*thread*/) {
@@ -1040,7 +1113,11 @@ class RobustSearch {
       for (std::size_t m = 0; m < playable.size(); ++m) {
         losses[which[m]] += Judge(playable[m], plans[m], ensemble, distances) + 2 * plans[m].excess;
         // The model is none of these, and it has to do what the task asks.
-        if (beside_model()) {
+        if (!with_model) continue;
+        if (tunes() && losses[which[m]] > Improving::kHopeless) {
+          losses[which[m]] +=
+              1;  // as if it fell: a motion that far off is not looked at more closely
+        } else if (beside_model()) {
           const double model = Judge(playable[m], plans[m], fine_model_, distances);
           losses[which[m]] += std::max(0.0, model - Complementing::kCalm);
         }
@@ -1049,6 +1126,47 @@ class RobustSearch {
     evaluations_ += static_cast<std::int64_t>(motions.size());
     return losses;
   }
+
+  /// The largest loss of a robot in a motion, the model's on slopes among them; 1 and more where
+  /// the plan itself exceeds a limit.
+  [[nodiscard]] double WorstLoss(const std::vector<double>& x, const Ensemble& ensemble) const {
+    const Plan plan = Plans({x}).front();
+    if (plan.excess > 0) return 1 + plan.excess;
+    const Setpoints setpoints = SetpointsOf(x, plan);
+    Distances distances;  // without a feedback nothing is looked at
+    double worst = 0;
+    const auto look = [&](const Ensemble& robots) {
+      for (std::size_t p = 0; p < robots.robots.size(); ++p) {
+        const std::array<double, kLanes> losses =
+            LossesOf(MakePlay(robots, p, setpoints, distances), TicksOf(x));
+        worst = std::max(worst, std::ranges::max(losses));
+      }
+    };
+    look(fine_model_);
+    if (worst < Complementing::kCarried) look(ensemble);
+    return worst;
+  }
+
+  /// Says when the tuning of a motion is at its end.
+  class TuningEnd {
+   public:
+    /// @param loss  the least so far, after each generation.
+    /// @param worst  WorstLoss of the motion that has it.
+    bool Reached(double loss, const std::function<double()>& worst) {
+      const bool better = losses_.empty() || loss < losses_.back();
+      if (better && loss < 2 * Tuning::kMargin) worst_ = worst();
+      losses_.push_back(loss);
+      if (worst_ <= Tuning::kMargin) return true;
+      if (losses_.size() <= Tuning::kPatience) return false;
+      const double before = losses_[losses_.size() - 1 - Tuning::kPatience];
+      if (loss > Complementing::kCarried && losses_.size() < Tuning::kChance) return false;
+      return loss > (1 - Tuning::kProgress) * before;
+    }
+
+   private:
+    std::vector<double> losses_;
+    double worst_ = std::numeric_limits<double>::infinity();
+  };
 
   /// A motion on its way through the packets of an ensemble.
   struct Runner {
@@ -1209,15 +1327,18 @@ class RobustSearch {
     CmaEs search({begin, from.x.end()}, sigma, Improving::kPopulation, seed);
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
     elite_ = {from.x};
+    TuningEnd tuned;
     for (int g = 0; g < generations && !interrupted(); ++g) {
+      if (tunes() && tuned.Reached(best.loss, [&] { return WorstLoss(best.x, ensemble); })) break;
       if (best.loss < Improving::kPerfect) break;
       if (!beside_model() && g >= Improving::kHopelessAfter &&
           best.loss > std::min(Improving::kHopeless, 3 * rival + 0.1))
         break;
       std::vector<std::vector<double>> motions = search.Ask();
       for (std::vector<double>& x : motions) x.insert(x.begin(), from.x.begin(), begin);
-      const std::vector<double> losses =
-          races ? Race(motions, ensemble, g) : Evaluate(motions, ensemble);
+      const std::vector<double> losses = races     ? Race(motions, ensemble, g)
+                                         : tunes() ? EvaluateHalf(motions, ensemble, g)
+                                                   : Evaluate(motions, ensemble);
       const auto least = std::min_element(losses.begin(), losses.end());
       if (*least < best.loss) {
         best = {motions[static_cast<std::size_t>(least - losses.begin())], *least};
