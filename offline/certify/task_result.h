@@ -70,6 +70,15 @@ struct WorkSettings {
 /// Solves the task and makes the primitive's file.
 TaskResult WorkOn(Task task, const WorkSettings& settings);
 
+/// The same from one guess after the other: tasks that differ in their guess alone, of motions that
+/// robots judge (`[robust]`, in the plane). It ends with the first motion on which all but a few
+/// stand.
+/// @returns  that, or else the one of which robots miss least, with the time that all took. Of
+/// those
+///           with a file where one has it.
+/// @pre tasks, each with a guess
+TaskResult WorkOnGuesses(std::vector<Task> tasks, const WorkSettings& settings);
+
 /// The results, best first: tasks with a motion before those without, then by cost, or by how far
 /// they miss. The pointers are into `results`.
 std::vector<const TaskResult*> Ranked(const std::vector<TaskResult>& results);

@@ -404,8 +404,9 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
                ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
   }
   fmt::print(people, "{}\n",
-             outcome.open() ? "the gate is open: try the motion on the robot"
-                            : "the gate is closed: do not try the motion on the robot");
+             outcome.open()
+                 ? "the gate is open: try the motion on the robot, and keep it if it stands"
+                 : "the gate is closed: do not try the motion on the robot");
   if (!arguments.json.empty()) {
     WriteResult(arguments.json, ToJson(outcome, settings, arguments.motion, arguments.drives,
                                        arguments.posterior, file.effective));

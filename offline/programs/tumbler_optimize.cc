@@ -52,7 +52,7 @@ namespace fs = std::filesystem;
 struct Arguments {
   std::vector<std::string> tasks;
   std::string start_from;
-  std::string guess;
+  std::vector<std::string> guesses;
   std::string posterior;                ///< What is known of the robot.
   std::vector<std::string> complement;  ///< Primitives that are tried before.
   std::string out;
@@ -77,7 +77,8 @@ PrimitiveFile LoadNoting(const std::string& path) {
   return file;
 }
 
-Task Load(const Arguments& arguments, const std::string& path) {
+/// @param guess  empty: none.
+Task Load(const Arguments& arguments, const std::string& path, const std::string& guess) {
   Task task = arguments.start_from.empty()
                   ? LoadTask(path, TaskSpaces::kPlaneAndSpace)
                   : LoadTask(path, LoadNoting(arguments.start_from), arguments.start_from);
@@ -98,7 +99,7 @@ Task Load(const Arguments& arguments, const std::string& path) {
     TuneTo(known, {}, task);
   }
   Problem& problem = task.problem;
-  if (!arguments.guess.empty()) TakeGuess(task, LoadNoting(arguments.guess), arguments.guess);
+  if (!guess.empty()) TakeGuess(task, LoadNoting(guess), guess);
   CheckGuess(task);
   for (const std::string& other : arguments.complement)
     TakeComplement(task, LoadNoting(other), other);
@@ -174,14 +175,34 @@ ReportData PageOf(const TaskResult& result, const Window& window) {
   return data;
 }
 
+/// The task, once from each guess.
+std::vector<Task> LoadFromGuesses(const Arguments& arguments) {
+  const std::string& path = arguments.tasks.front();
+  if (arguments.guesses.empty()) return {Load(arguments, path, "")};
+  std::vector<Task> tasks;
+  for (const std::string& guess : arguments.guesses) tasks.push_back(Load(arguments, path, guess));
+  return tasks;
+}
+
+/// Says where a motion for an identified robot is a guess's path.
+void NoteStandingGuess(const Arguments& arguments, const TaskResult& result) {
+  if (arguments.posterior.empty() || result.best.x != result.task.guess) return;
+  fmt::print(
+      stderr,
+      "note: all robots of {} stand with the path of {} as it is: try that motion first, and "
+      "keep it where it stands\n",
+      arguments.posterior, result.task.guess_file);
+}
+
 ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
-  Task task = Load(arguments, arguments.tasks.front());
-  for (const std::string& path : {arguments.start_from, arguments.guess, arguments.posterior}) {
+  std::vector<Task> tasks = LoadFromGuesses(arguments);
+  for (const std::string& path : {arguments.start_from, arguments.posterior}) {
     if (!path.empty()) inputs.push_back(path);
   }
+  inputs.insert(inputs.end(), arguments.guesses.begin(), arguments.guesses.end());
   inputs.insert(inputs.end(), arguments.complement.begin(), arguments.complement.end());
-  inputs.push_back(task.robot_file);
+  inputs.push_back(tasks.front().robot_file);
   std::vector<std::string> files;
   for (const std::string& path : {arguments.out, arguments.json}) {
     if (!path.empty() && path != "-") files.push_back(path);
@@ -193,11 +214,13 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   }
   CheckDistinct(inputs, files);
   const HeldResults held(files);
-  PrintNotes(task);
+  PrintNotes(tasks.front());
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
   std::atomic<bool>& end_requested = EndOnSignals();
-  TaskResult result = WorkOn(std::move(task), SettingsOf(arguments, end_requested));
+  const WorkSettings settings = SettingsOf(arguments, end_requested);
+  TaskResult result = tasks.size() > 1 ? WorkOnGuesses(std::move(tasks), settings)
+                                       : WorkOn(std::move(tasks.front()), settings);
   if (arguments.minima > 0) PrintMinima(people, result);
   const auto drop = [&] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
@@ -237,6 +260,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   if (json_file) json_file->Commit();
   if (primitive_file) primitive_file->Commit();
 
+  NoteStandingGuess(arguments, result);
   PrintMotion(people, result);
   fmt::print(people, "{}", window.text);
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
@@ -260,7 +284,7 @@ std::vector<Task> LoadSeveral(const Arguments& arguments) {
   std::vector<Task> tasks;
   std::map<std::string, std::string> file_of_name;
   for (const std::string& path : arguments.tasks) {
-    const std::string& name = tasks.emplace_back(Load(arguments, path)).problem.name;
+    const std::string& name = tasks.emplace_back(Load(arguments, path, "")).problem.name;
     if (const auto [other, is_new] = file_of_name.emplace(name, path); !is_new) {
       throw FileError(path, 0, "name",
                       fmt::format("is '{}', like that of {}; tasks that are ranked need different "
@@ -325,7 +349,7 @@ ExitStatus WriteMotion(std::FILE* people, TaskResult& result, const Arguments& a
 ExitStatus OptimizeSeveral(const Arguments& arguments) {
   if (!arguments.start_from.empty())
     throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
-  if (!arguments.guess.empty())
+  if (!arguments.guesses.empty())
     throw std::invalid_argument("--guess: is for one task; give the tasks one at a time");
   if (!arguments.posterior.empty())
     throw std::invalid_argument("--posterior: is for one task; give the tasks one at a time");
@@ -370,7 +394,13 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
 }
 
 ExitStatus Optimize(const Arguments& arguments) {
-  if (!arguments.guess.empty() && (arguments.minima > 0 || arguments.seed)) {
+  if (arguments.guesses.size() > 1 && arguments.posterior.empty()) {
+    throw UsageError(
+        "--guess",
+        "is given more than once, which is for a motion of a robot that was identified; "
+        "give one, or --posterior");
+  }
+  if (!arguments.guesses.empty() && (arguments.minima > 0 || arguments.seed)) {
     throw UsageError("--guess",
                      fmt::format("takes the place of the search that {} is about; leave one out",
                                  arguments.seed ? "--seed" : "--minima"));
@@ -388,9 +418,11 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--start-from", arguments.start_from,
               "Start where this primitive leaves the robot (its simulated exit), not in the "
               "task's own start pose");
-  line.Option("--guess", arguments.guess,
+  line.Option("--guess", arguments.guesses,
               "Solve from the paths of this primitive, and near them, without a search: of another "
-              "task, robot, ground, duration or number of control points");
+              "task, robot, ground, duration or number of control points; with --posterior it may "
+              "be given more than once: they are tried one after the other, until robots stand")
+      .TakesOneValueEachTime();
   line.Option("--complement", arguments.complement,
               "Find the motion for the robots on which these primitives fail, which are tried "
               "before it; for tasks with [robust]");

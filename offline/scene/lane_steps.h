@@ -83,6 +83,10 @@ struct LaneProgress {
       state.exerted[j] = lanes(from.exerted[j]);
     }
   }
+  /// Notes how fast the root is, in a step.
+  [[gnu::always_inline]] void WatchRoot() {
+    for (std::size_t d = 0; d < 3; ++d) root_speed = Max(root_speed, Max(state.v[d], -state.v[d]));
+  }
   void Put(LaneState<P>& to, LaneWatch<P>& watch, std::size_t joints, LanesFrom<S> lanes) const {
     lanes.Put(root_speed, watch.root_speed);
     lanes.Put(depth, watch.depth);
@@ -154,8 +158,7 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
         robots.state.v[d] += h * qdd[d];
         robots.state.q[d] += h * robots.state.v[d];
       }
-      for (std::size_t d = 0; d < 3; ++d)
-        robots.root_speed = Max(robots.root_speed, Max(robots.state.v[d], -robots.state.v[d]));
+      robots.WatchRoot();
     }
     before = now;
   }
@@ -239,6 +242,7 @@ void PrescribeSome(const LaneModel& model, const LaneRobot<P>& robot, double ste
       robots.state.v[d] += h * qdd[d];
       robots.state.q[d] += h * robots.state.v[d];
     }
+    robots.WatchRoot();
   }
   robots.Put(state_of_all, watch, joints, lanes);
 }

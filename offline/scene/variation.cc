@@ -100,6 +100,7 @@ RobotVariation DrawKnown(const Scene& scene, const Spreads& spreads, double scal
   others.mass = 0;
   others.LeaveGround();
   others.delay_s = spreads.delay_s;
+  others.torque_limit = spreads.torque_limit;
   others.start_rad = spreads.start_rad;
   others.start_rate_rad_s = spreads.start_rate_rad_s;
   const RobotVariation other = DrawRobot(scene, others, scale, seed, index);
@@ -109,6 +110,7 @@ RobotVariation DrawKnown(const Scene& scene, const Spreads& spreads, double scal
   v.delay_s = other.delay_s;
   v.start_pitch_rate_rad_s = other.start_pitch_rate_rad_s;
   for (std::size_t j = 0; j < v.joints.size(); ++j) {
+    v.joints[j].torque_limit = other.joints[j].torque_limit;
     v.joints[j].start_rad = other.joints[j].start_rad;
     v.joints[j].start_rate_rad_s = other.joints[j].start_rate_rad_s;
   }

@@ -20,10 +20,10 @@ LaneState<double> DisplacementOf(const PlanarRobot& robot, const RobotVariation&
   return by;
 }
 
-}  // namespace
-
-Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
-                      const std::vector<std::uint64_t>& which) {
+/// @param draw    of the robots.
+/// @param robots  whole packets.
+Ensemble EnsembleOf(const RobustTask& task, const RobotDraw& draw,
+                    const std::vector<RobotVariation>& robots) {
   const Problem& problem = task.problem;
   const RobustSettings& settings = task.settings;
   const std::size_t joints = task.joints;
@@ -35,12 +35,11 @@ Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
   PacketSetpoints hold;
   for (int k = 0; k < RobustTask::Ticks(kStands_s); ++k)
     hold.insert(hold.end(), ensemble.held.begin(), ensemble.held.begin() + joints);
-  for (std::size_t first = 0; first < which.size(); first += Packet::kLanes) {
+  for (std::size_t first = 0; first < robots.size(); first += Packet::kLanes) {
     std::array<LaneRobot<double>, Packet::kLanes> each;
     std::array<LaneState<double>, Packet::kLanes> states, displaced;
     for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
-      const RobotVariation variation =
-          DrawRobot(problem.scene, settings.spreads, draw.scale, draw.seed, which[first + lane]);
+      const RobotVariation& variation = robots[first + lane];
       each[lane] = LanesOf(problem, variation).robot;
       states[lane] = StartState(problem);
       displaced[lane] = DisplacementOf(problem.scene.robot, variation);
@@ -66,6 +65,30 @@ Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
                                 ensemble.noise.size());
   }
   return ensemble;
+}
+
+}  // namespace
+
+Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
+                      const std::vector<std::uint64_t>& which) {
+  std::vector<RobotVariation> robots;
+  robots.reserve(which.size());
+  for (const std::uint64_t robot : which) {
+    robots.push_back(
+        DrawRobot(task.problem.scene, task.settings.spreads, draw.scale, draw.seed, robot));
+  }
+  return EnsembleOf(task, draw, robots);
+}
+
+Ensemble ModelOnSlopes(const RobustTask& task, std::span<const double> slopes_rad,
+                       LaneSteps steps) {
+  Spreads none;
+  none.mass = 0;
+  none.LeaveGround();
+  std::vector<RobotVariation> robots(slopes_rad.size(),
+                                     DrawRobot(task.problem.scene, none, 0, 0, 0));
+  for (std::size_t i = 0; i < robots.size(); ++i) robots[i].slope_rad = slopes_rad[i];
+  return EnsembleOf(task, {.steps = steps}, robots);
 }
 
 Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps, bool sensors) {

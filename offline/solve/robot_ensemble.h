@@ -30,6 +30,10 @@ struct RobotDraw {
 /// @param which  whole packets.
 [[nodiscard]] Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
                                     const std::vector<std::uint64_t>& which);
+/// The model on grounds that slope. (A posterior's robots that do not differ are its mean.)
+/// @param slopes_rad  of whole packets.
+[[nodiscard]] Ensemble ModelOnSlopes(const RobustTask& task, std::span<const double> slopes_rad,
+                                     LaneSteps steps);
 /// A packet of robots that do not differ: the model, or the mean of what is known of one robot.
 [[nodiscard]] Ensemble ModelEnsemble(const RobustTask& task, LaneSteps steps, bool sensors = false);
 

@@ -1,6 +1,7 @@
 #include "offline/solve/robust_ranking.h"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 #include <numeric>
 #include <utility>
@@ -15,6 +16,10 @@ namespace {
 constexpr int kRungs = 4;
 /// What a motion's loss is above that of one that went a rung further.
 constexpr double kDropped = 100;
+/// Slopes of the ground on which the model has to stay where a motion is tuned [rad]: one for each
+/// lane. The second look asks for 2 mrad.
+constexpr std::array<double, Packet::kLanes> kSlopes_rad = {0,     1e-3, -1e-3, 2e-3,
+                                                            -2e-3, 3e-3, -3e-3, 0};
 /// Weight of a plan's excess, and the largest with which a motion nearly keeps its limits.
 constexpr double kExcessWeight = 2, kLittleExcess = 0.3;
 
@@ -39,7 +44,11 @@ struct RobustRanking::Runner {
 RobustRanking::RobustRanking(const RobustTask& task, const RobustMotion& motion,
                              const MotionPlanner& planner, const MotionFeedback& feedback)
     : task_(task), motion_(motion), planner_(planner), feedback_(feedback) {
-  if (task.beside_model()) fine_model_ = ModelEnsemble(task, RobustTask::kFine);
+  if (task.tunes()) {
+    fine_model_ = ModelOnSlopes(task, kSlopes_rad, RobustTask::kFine);
+  } else if (task.beside_model()) {
+    fine_model_ = ModelEnsemble(task, RobustTask::kFine);
+  }
 }
 
 void RobustRanking::SetHold(const Feedback<double>& hold) {
@@ -104,7 +113,7 @@ double RobustRanking::Judge(const Runner& runner, const Ensemble& ensemble,
 }
 
 std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double>>& motions,
-                                            const Ensemble& ensemble) const {
+                                            const Ensemble& ensemble, Model model) const {
   std::vector<double> losses(motions.size());
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     LaneDistances distances = DistancesOf(task_);
@@ -113,11 +122,53 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
       double& loss = losses[runner.motion];
       loss += Judge(runner, ensemble, distances) + kExcessWeight * runner.plan.excess;
       // The model is none of these, and it has to do what the task asks.
-      if (task_.beside_model())
+      if (model == Model::kIsLeftOut) continue;
+      if (task_.tunes() && loss > RobotLoss::kHopeless) {
+        loss += 1;  // as if it fell: a motion that far off is not looked at more closely
+      } else if (task_.beside_model()) {
         loss += std::max(0.0, Judge(runner, fine_model_, distances) - RobotLoss::kCalm);
+      }
     }
   });
   return losses;
+}
+
+std::vector<double> RobustRanking::EvaluateHalf(const std::vector<std::vector<double>>& motions,
+                                                const Ensemble& ensemble, int generation) const {
+  const std::size_t packet = Index(generation) % ensemble.robots.size();
+  Ensemble some;
+  some.held = ensemble.held;
+  some.steps = ensemble.steps;
+  some.robots = {ensemble.robots[packet]};
+  some.states = {ensemble.states[packet]};
+  std::vector<double> losses = Evaluate(motions, some, Model::kIsLeftOut);
+  std::vector<std::size_t> order(motions.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
+  order.resize((order.size() + 1) / 2);
+  std::vector<std::vector<double>> better;
+  better.reserve(order.size());
+  for (const std::size_t i : order) better.push_back(motions[i]);
+  for (double& loss : losses) loss += kDropped;
+  const std::vector<double> of_better = Evaluate(better, ensemble);
+  for (std::size_t i = 0; i < order.size(); ++i) losses[order[i]] = of_better[i];
+  return losses;
+}
+
+double RobustRanking::WorstLoss(const std::vector<double>& x, const Ensemble& ensemble) const {
+  const MotionPlan plan = Plans({x}).front();
+  if (plan.excess > 0) return 1 + plan.excess;
+  const PacketSetpoints setpoints = planner_.SetpointsOf(x, plan);
+  const PacketMotion motion{setpoints, motion_.Ticks(x)};
+  LaneDistances distances;  // without a feedback nothing is looked at
+  double worst = 0;
+  const auto look = [&](const Ensemble& robots) {
+    for (std::size_t p = 0; p < robots.robots.size(); ++p)
+      worst = std::max(worst, std::ranges::max(RobotLosses(task_, robots, p, motion, distances)));
+  };
+  look(fine_model_);
+  if (worst < RobotLoss::kCarried) look(ensemble);
+  return worst;
 }
 
 std::vector<double> RobustRanking::Race(const std::vector<std::vector<double>>& motions,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -33,7 +34,19 @@ class RobustRanking {
 
   /// The losses of motions.
   [[nodiscard]] std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
-                                             const Ensemble& ensemble) const;
+                                             const Ensemble& ensemble) const {
+    return Evaluate(motions, ensemble, Model::kCounts);
+  }
+  /// Losses of motions by which they can be ordered, where a motion is tuned to one robot: each is
+  /// played on a packet of the robots, another one in each generation, and the better half on all.
+  /// The others' losses are as much higher as those of a motion that is dropped in a race.
+  /// @pre no gains
+  [[nodiscard]] std::vector<double> EvaluateHalf(const std::vector<std::vector<double>>& motions,
+                                                 const Ensemble& ensemble, int generation) const;
+  /// The largest loss of a robot in a motion, the model's on slopes among them; 1 and more where
+  /// the plan itself exceeds a limit.
+  /// @pre task.tunes()
+  [[nodiscard]] double WorstLoss(const std::vector<double>& x, const Ensemble& ensemble) const;
 
   /// Losses of motions by which they can be ordered, by successive halving [JT16]: they are
   /// compared on a part of the robots, the better half of them on twice as many, and so on, at last
@@ -51,6 +64,10 @@ class RobustRanking {
   }
 
  private:
+  /// Whether the model, where it is none of the robots, has to do what the task asks, too.
+  enum class Model : std::uint8_t { kCounts, kIsLeftOut };
+  [[nodiscard]] std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
+                                             const Ensemble& ensemble, Model model) const;
   /// A motion on its way through the packets of an ensemble.
   struct Runner;
   /// The motions of a packet, from the first on, whose paths keep their limits.
@@ -69,7 +86,7 @@ class RobustRanking {
   const RobustMotion& motion_;
   const MotionPlanner& planner_;
   const MotionFeedback& feedback_;
-  Ensemble fine_model_;  ///< Where the model is none of the robots.
+  Ensemble fine_model_;  ///< Where the model is none of the robots. On slopes, where it is tuned.
   std::optional<Feedback<double>> hold_;
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
@@ -45,6 +47,41 @@ struct Complementing {
   /// A motion of which most robots still fall is kept where its loss is at most this part of the
   /// worst.
   static constexpr double kBetter = 0.95;
+};
+
+/// The tuning of a motion to one robot, of which a posterior is known. Its robots differ little,
+/// and the search ends as soon as they stand.
+struct Tuning {
+  /// The largest loss of a robot that stands with a margin (RobotLoss): it is off by at most 0.6 of
+  /// what is allowed in angle, and about as much in speed.
+  static constexpr double kMargin = 0.04;
+  /// A search has come to its end when the mean loss has sunk by less than this part in so many
+  /// generations; while robots fall, not before it had a chance.
+  static constexpr double kProgress = 0.05;
+  static constexpr std::size_t kPatience = 10, kChance = 20;
+  /// A mean loss of few robots from which more robots do not lead on: many of them fall.
+  static constexpr double kNoUse = 0.5;
+};
+
+/// Says when the tuning of a motion is at its end.
+class TuningEnd {
+ public:
+  /// @param loss   the least so far, after each generation.
+  /// @param worst  RobustRanking::WorstLoss of the motion that has it.
+  bool Reached(double loss, const std::function<double()>& worst) {
+    const bool better = losses_.empty() || loss < losses_.back();
+    if (better && loss < 2 * Tuning::kMargin) worst_ = worst();
+    losses_.push_back(loss);
+    if (worst_ <= Tuning::kMargin) return true;
+    if (losses_.size() <= Tuning::kPatience) return false;
+    const double before = losses_[losses_.size() - 1 - Tuning::kPatience];
+    if (loss > RobotLoss::kCarried && losses_.size() < Tuning::kChance) return false;
+    return loss > (1 - Tuning::kProgress) * before;
+  }
+
+ private:
+  std::vector<double> losses_;
+  double worst_ = std::numeric_limits<double>::infinity();
 };
 
 /// The gains of a feedback. Those of the motion begin far from what is known, and go on from there.
@@ -157,9 +194,10 @@ class RobustSearch {
   /// The robots of the last improvement, or a part of them.
   /// @param series  of robots: 0, or 1 for others than those.
   [[nodiscard]] Ensemble PolishingRobots(int part, int series = 0) const {
+    const bool rough = task_.tunes() && part > 1;  // the last round corrects what that takes wrong
     return MakeEnsemble(
         std::max(task_.settings.polish_robots / part, static_cast<int>(Packet::kLanes)),
-        task_.settings.polish_scale, RobustTask::kFine, series);
+        task_.settings.polish_scale, rough ? RobustTask::kRough : RobustTask::kFine, series);
   }
 
   std::vector<Candidate> WithPolished(std::vector<Candidate> best) {
@@ -171,6 +209,7 @@ class RobustSearch {
     const RobustSettings& settings = task_.settings;
     for (int round = settings.polish_rounds - 1; round >= 0; --round) {
       from = Improve(from, 1, Polishing::kSigma, PolishingRobots(1 << round), settings.generations);
+      if (task_.tunes() && !from.empty() && from.front().loss > Tuning::kNoUse) break;
     }
     const bool raced = RobustRanking::CanRace(Index(settings.polish_robots));
     if (from.empty() || !raced || !task_.complement.empty() || interrupted()) return from;
@@ -359,7 +398,10 @@ class RobustSearch {
     CmaEs search({begin, from.x.end()}, sigma, Improving::kPopulation, seed);
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
     elite_ = {from.x};
+    TuningEnd tuned;
     for (int g = 0; g < generations && !interrupted(); ++g) {
+      const auto worst = [&] { return ranking_.WorstLoss(best.x, ensemble); };
+      if (task_.tunes() && tuned.Reached(best.loss, worst)) break;
       if (best.loss < RobotLoss::kPerfect) break;
       if (!task_.beside_model() && g >= Improving::kPatience && best.loss > hopeless) break;
       std::vector<std::vector<double>> motions = search.Ask();
@@ -368,6 +410,9 @@ class RobustSearch {
       if (races) {
         losses = ranking_.Race(motions, ensemble, g);
         evaluations_ += static_cast<std::int64_t>(motions.size());
+      } else if (task_.tunes()) {
+        losses = ranking_.EvaluateHalf(motions, ensemble, g);
+        evaluations_ += static_cast<std::int64_t>(motions.size() + (motions.size() + 1) / 2);
       } else {
         losses = Evaluate(motions, ensemble);
       }

@@ -60,6 +60,10 @@ struct RobustTask {
   [[nodiscard]] bool beside_model() const {
     return !complement.empty() || settings.spreads.posterior != nullptr;
   }
+  /// Whether the motion is for one robot, of which a posterior is known.
+  [[nodiscard]] bool tunes() const {
+    return settings.spreads.posterior != nullptr && complement.empty() && !settings.feedback;
+  }
   [[nodiscard]] bool interrupted() const {
     return options.interrupt != nullptr && *options.interrupt;
   }

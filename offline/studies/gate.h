@@ -6,22 +6,17 @@
 
 #include "offline/problem/posterior_toml.h"
 #include "offline/scene/variation.h"
+#include "offline/studies/identified_model.h"
 #include "offline/studies/trial.h"
 
 namespace tumbler {
-
-/// By how much robots may differ in what no record tells: standard deviations.
-struct GateMargins {
-  double torque_limit = 0.02;  ///< Factor of each motor's.
-  double delay_s = 1e-4;       ///< Of what setpoints are late by.
-};
 
 /// Settings of a gate.
 struct GateSettings {
   int draws = 3;          ///< Robots beside the mean.
   double deviations = 2;  ///< By so many are they drawn.
   std::uint64_t seed = 1;
-  GateMargins margins;
+  UntoldSpreads margins;
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.

@@ -18,14 +18,22 @@ std::string IdentifiedUrdf(const std::string& robot_text, const std::string& rob
 /// @throws FileError  when `[contact]` does not give a property of the ground as a number.
 Task IdentifiedTask(const Task& given, const PosteriorFile& file);
 
+/// By how much robots may differ in what no record tells: standard deviations.
+struct UntoldSpreads {
+  double torque_limit = 0.02;  ///< Factor of each motor's.
+  double delay_s = 1e-4;       ///< Of what setpoints are late by.
+};
+
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
 /// a posterior differ little.
 struct TuningSettings {
-  int robots = 32, generations = 80;
+  int robots = 32, generations = 50;
   int rounds = 2;  ///< Of which the first has half the robots.
+  UntoldSpreads untold;
 };
 
-/// Lets the search for a task's motion be judged by the robots of a posterior. At most these many
+/// Lets the search for a task's motion be judged by the robots of a posterior, as the gate judges
+/// the motion. At most these many
 /// robots and generations are taken of what `[robust]` asks for.
 /// @pre the task has `[robust]`.
 void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task);

@@ -13,6 +13,7 @@
 #include <ctime>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -88,9 +89,10 @@ struct StudySettings {
   int robots = 20, first = 0;
   double torque = 1, filter_s = 0, lag_s = 0, weight = 0;
   testing::HiddenBesides besides;
-  std::string task, guess;
-  std::vector<std::string> gated;
-  int falls = 0;
+  std::string task, further, keep;
+  std::vector<std::string> gated, guesses;
+  int falls = 0, stands = 0;
+  double scale = 1;
   bool one_by_one = false;
   bool effective = false, each = false;
   double mujoco_s = 0;
@@ -116,7 +118,6 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--creep-speed", s.besides.creep_speed, "deviation of it, a factor").Within(0.0, 1.0);
   line.Option("--length", s.besides.length, "deviation of each link's, a factor").Within(0.0, 1.0);
   line.Option("--gated", s.gated, "motions that the gate is asked about, and that are then played");
-  line.Option("--falls", s.falls, "end with so many robots that fail in it").Within(0, 100000);
   line.Flag("--one-by-one", s.one_by_one, "fit the records one after the other, and compare");
 #ifdef TUMBLER_WITH_MUJOCO
   line.Option("--mujoco-s", s.mujoco_s,
@@ -128,13 +129,25 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--margin-torque", s.gate.margins.torque_limit, "of the gate").Within(0.0, 1.0);
   line.Option("--margin-delay-s", s.gate.margins.delay_s, "of the gate").Within(0.0, 1.0);
   line.Option("--weigh", s.weight, "1: the robot is weighed").Within(0.0, 1.0);
-  line.Option("--task", s.task, "of a motion that is found anew for robots on which it fails");
-  line.Option("--guess", s.guess, "that motion");
+  line.Option("--scale", s.scale, "of what robots differ by, but for --inertia and its kin")
+      .Within(0.0, 10.0);
+  line.Option("--task", s.task,
+              "of a motion that is found anew where none of --guess is let through");
+  line.Option("--guess", s.guesses,
+              "a motion of the task, tried first where the gate is open for it")
+      .TakesOneValueEachTime();
+  line.Option("--further", s.further,
+              "a motion that robots play after a first try that did not stand, for a second one");
+  line.Option("--falls", s.falls, "end with so many robots that fail in it, or in all of --guess")
+      .Within(0, 100000);
+  line.Option("--stands", s.stands, "of robots that stand in one of --guess, take so many")
+      .Within(0, 100000);
   line.Option("--generations", s.tuning.generations, "at most, of finding it anew").Within(1, 1000);
   line.Option("--rounds", s.tuning.rounds, "of them").Within(1, 10);
   line.Option("--annealing", s.annealing, "of fits");
   line.Flag("--each", s.each, "print every quantity of every robot");
-  line.Flag("--effective", s.effective, "errors of effective models count, too");
+  line.Flag("--effective", s.effective, "effective models are tried, too, and their errors count");
+  line.Option("--keep", s.keep, "folder for the posterior of each robot that is fitted");
   line.Seed(s.seed, "of the robots");
   line.Parse(argc, argv);
   return s;
@@ -150,7 +163,8 @@ class Study {
   void FitOne(int number);
   /// Whether as many robots failed in the gated motion as were asked for.
   [[nodiscard]] bool HasEnoughFalls() const {
-    return settings_.falls > 0 && open_falls_ + closed_falls_ >= settings_.falls;
+    return settings_.falls > 0 &&
+           open_falls_ + closed_falls_ + of_failing_.robots >= settings_.falls;
   }
   void Print() const;
 
@@ -167,18 +181,34 @@ class Study {
   /// @returns  whether a link's mass is wrong by 8 %.
   bool NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit);
   void AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known);
-  void Tune(const testing::HiddenRobot& robot, const PosteriorFile& known,
-            const std::string& folder);
+  [[nodiscard]] std::string MotionFor(const PosteriorFile& known, const std::string& folder,
+                                      bool& found_anew);
+  /// What the records of a robot say.
+  struct Known {
+    std::vector<RecordedMotion> records;
+    FitSettings settings;
+    FitOutcome fit;
+  };
+  void Try(const testing::HiddenRobot& robot, const Known& known, const std::string& folder);
+  [[nodiscard]] FitOutcome FitAgain(const testing::HiddenRobot& robot, const Known& known,
+                                    const std::string& folder, const std::string& tried) const;
   void PrintQuantities() const;
 
   StudySettings settings_;
   std::vector<testing::HiddenRuns> runs_;
   std::map<std::string, Figures> figures_;
   std::vector<std::string> order_;
-  std::vector<double> chis_, cpu_, apart_, ratios_, tuning_;
+  std::vector<double> chis_, cpu_, apart_, ratios_, tuning_, again_;
   int effective_ = 0, wrong_ = 0, missed_ = 0;
   int open_stands_ = 0, open_falls_ = 0, closed_stands_ = 0, closed_falls_ = 0;
-  int stood_ = 0, not_found_ = 0, refused_ = 0, stands_ = 0, fell_ = 0;
+  /// What became of robots that fail in all guesses, or stand in one of them.
+  struct Tries {
+    int robots = 0, kept = 0, stands = 0, fell = 0, refused = 0;  ///< At the first.
+    int then_stands = 0, then_fell = 0;                           ///< At a second.
+  };
+  Tries of_failing_, of_standing_;
+  std::set<std::string> tried_;  ///< Motions that the present robot has failed in.
+  bool stood_ = false;           ///< Whether the present robot stands in one of the guesses.
 };
 
 testing::HiddenRuns Study::RunsOf(const std::string& motion) const {
@@ -197,7 +227,8 @@ testing::HiddenRuns Study::RunsOf(const std::string& motion) const {
 testing::HiddenRobot Study::Draw(int number) const {
   const std::uint64_t seed = settings_.seed.value_or(1);
   const auto index = static_cast<std::uint64_t>(number);
-  testing::HiddenRobot robot = testing::DrawHiddenRobot(runs_.front().scene(), seed, index);
+  testing::HiddenRobot robot =
+      testing::DrawHiddenRobot(runs_.front().scene(), seed, index, settings_.scale);
   AddBesides(settings_.besides, seed, index, robot);
   robot.torque_factor = settings_.torque;
   robot.velocity_filter_s = settings_.filter_s;
@@ -208,9 +239,10 @@ testing::HiddenRobot Study::Draw(int number) const {
 void Study::FitOne(int number) {
   const testing::HiddenRobot robot = Draw(number);
   const testing::TemporaryFolder folder;
-  if (!settings_.task.empty() && RunsOf(settings_.guess).Play(robot)) {
-    ++stood_;
-    return;  // A motion that stands is never replaced.
+  if (!settings_.task.empty()) {
+    stood_ = std::ranges::any_of(
+        settings_.guesses, [&](const std::string& guess) { return RunsOf(guess).Play(robot); });
+    if (stood_ && of_standing_.robots >= settings_.stands) return;
   }
   std::vector<RecordedMotion> records;
   bool rests = true;
@@ -239,10 +271,12 @@ void Study::FitOne(int number) {
   PosteriorFile known;
   known.posterior = fit.posterior;
   known.prior_deviations = fit.first_deviations;
-  known.effective = fit.effective;
   known.chi = fit.chi;
+  known.effective = fit.effective;
+  if (!settings_.keep.empty())
+    PendingFile(fmt::format("{}/{}.toml", settings_.keep, number), ToToml(known)).Commit();
   if (!settings_.gated.empty()) AskGate(robot, known);
-  if (!settings_.task.empty()) Tune(robot, known, folder.path().string());
+  if (!settings_.task.empty()) Try(robot, {records, settings, fit}, folder.path().string());
   wrong_ += off ? 1 : 0;
   missed_ += off && !fit.effective ? 1 : 0;
   for (std::size_t q = 0; settings_.each && q < fit.posterior.size(); ++q) {
@@ -304,27 +338,90 @@ void Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& know
   }
 }
 
-void Study::Tune(const testing::HiddenRobot& robot, const PosteriorFile& known,
-                 const std::string& folder) {
-  const double start = CpuSeconds();
-  const std::string motion = folder + "/tuned.toml";
-  std::string became =
-      testing::FindAnew(settings_.task, settings_.guess, known, settings_.tuning, motion);
-  tuning_.push_back(CpuSeconds() - start);
-  if (!became.empty()) {
-    ++not_found_;
-  } else {
-    const GateOutcome gate = PassGate(motion, settings_.drives, known, settings_.gate);
-    if (!gate.open()) {
-      ++refused_;
-      became = Verdict(gate) + (RunsOf(motion).Play(robot) ? ", would stand" : ", would fall");
-    } else {
-      const bool works = RunsOf(motion).Play(robot);
-      (works ? stands_ : fell_) += 1;
-      became = works ? "stands" : "FELL";
-    }
+/// The motion that is tried on a robot: a guess for which the gate is open, or else one that is
+/// found anew, and for which it is. Empty: none is.
+std::string Study::MotionFor(const PosteriorFile& known, const std::string& folder,
+                             bool& found_anew) {
+  const auto passes = [&](const std::string& motion) {
+    return PassGate(motion, settings_.drives, known, settings_.gate).open();
+  };
+  found_anew = false;
+  for (const std::string& guess : settings_.guesses) {
+    if (!tried_.contains(guess) && passes(guess)) return guess;
   }
-  fmt::print("  {} ({:.1f} s of tuning)\n", became, tuning_.back());
+  found_anew = true;
+  const double start = CpuSeconds();
+  std::string motion = folder + fmt::format("/tuned{}.toml", tuning_.size());
+  const std::string cause =
+      testing::FindAnew(settings_.task, settings_.guesses, known, settings_.tuning, motion);
+  tuning_.push_back(CpuSeconds() - start);
+  fmt::print("  tuned in {:.1f} s{}{}\n", tuning_.back(), cause.empty() ? "" : ": ", cause);
+  if (!cause.empty()) return "";
+  return passes(motion) ? motion : "";
+}
+
+/// What the earlier records say and those of another motion, and of the motion that was tried, if
+/// any.
+FitOutcome Study::FitAgain(const testing::HiddenRobot& robot, const Known& known,
+                           const std::string& folder, const std::string& tried) const {
+  std::vector<RecordedMotion> records;
+  for (const std::string& motion : {settings_.further, tried}) {
+    if (motion.empty()) continue;
+    const std::string file = folder + fmt::format("/again{}.rec", records.size());
+    RunsOf(motion).Record(robot, file);
+    records.push_back(ReadRecordedMotion(file));
+  }
+  const FitOutcome& fit = known.fit;
+  if (!fit.effective) {
+    return FitRobot(records, {fit.posterior, fit.information, fit.first_deviations, fit.weighed},
+                    known.settings);
+  }
+  // What does not explain its records is no prior.
+  records.insert(records.begin(), known.records.begin(), known.records.end());
+  return FitRobot(records, PriorOfRecords(records, fit.weighed), known.settings);
+}
+
+/// The whole procedure, as the guide has it. An effective model is tried on no
+/// robot, unless that is asked for.
+void Study::Try(const testing::HiddenRobot& robot, const Known& known, const std::string& folder) {
+  Tries& tries = stood_ ? of_standing_ : of_failing_;
+  ++tries.robots;
+  tried_.clear();
+  PosteriorFile file;
+  file.posterior = known.fit.posterior;
+  file.effective = known.fit.effective;
+  file.chi = known.fit.chi;
+  bool found_anew = false;
+  const auto may_try = [this](const FitOutcome& fit) {
+    return settings_.effective || !fit.effective;
+  };
+  const std::string motion =
+      may_try(known.fit) ? MotionFor(file, folder, found_anew) : std::string();
+  const char* const which = stood_ ? "standing" : "failing";
+  if (!motion.empty() && RunsOf(motion).Play(robot)) {
+    ++(found_anew ? tries.stands : tries.kept);
+    fmt::print("  {}: {}\n", which, found_anew ? "stands with another" : "keeps its motion");
+    return;
+  }
+  ++(motion.empty() ? tries.refused : tries.fell);
+  fmt::print("  {}: {}\n", which, motion.empty() ? "refused" : "FELL");
+  if (settings_.further.empty()) return;
+  tried_.insert(motion);
+  // The record of a motion for another model than the first is none of this fit.
+  const double start = CpuSeconds();
+  const FitOutcome again = FitAgain(robot, known, folder, found_anew ? "" : motion);
+  file.posterior = again.posterior;
+  file.effective = again.effective;
+  file.chi = again.chi;
+  const std::string second = may_try(again) ? MotionFor(file, folder, found_anew) : std::string();
+  again_.push_back(CpuSeconds() - start);
+  if (second.empty()) {
+    fmt::print("    then refused\n");
+    return;
+  }
+  const bool stands = RunsOf(second).Play(robot);
+  ++(stands ? tries.then_stands : tries.then_fell);
+  fmt::print("    then {}\n", stands ? "stands" : "FELL");
 }
 
 void Study::Print() const {
@@ -343,10 +440,18 @@ void Study::Print() const {
         Quantile(ratios_, 1));
   }
   if (!settings_.task.empty()) {
+    for (const auto& [name, of] : {std::pair("fail in all guesses", of_failing_),
+                                   std::pair("stand in a guess", of_standing_)}) {
+      fmt::print(
+          "of {} robots that {}: at the first try {} stand in a guess, {} in a motion found anew, "
+          "{} fell, {} refused; at the second {} more stand, {} fell\n",
+          of.robots, name, of.kept, of.stands, of.fell, of.refused, of.then_stands, of.then_fell);
+    }
     fmt::print(
-        "{} stood already; of the others {} stand, {} fell, {} refused by the gate, {} without "
-        "a motion; tuning {:.1f} s of CPU in the median\n",
-        stood_, stands_, fell_, refused_, not_found_, Quantile(tuning_, 0.5));
+        "tuning {:.1f} {:.1f} {:.1f} s of CPU (5, 50, 95 %), a second try {:.1f} s in the "
+        "median\n",
+        Quantile(tuning_, 0.05), Quantile(tuning_, 0.5), Quantile(tuning_, 0.95),
+        Quantile(again_, 0.5));
   }
   if (!settings_.gated.empty()) {
     fmt::print("gate: of {} that fail it refuses {}; of {} that stand it refuses {}\n",

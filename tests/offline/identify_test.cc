@@ -8,7 +8,11 @@
 #include <fstream>
 
 #include "common/files/program.h"
+#include "common/files/result_file.h"
+#include "offline/certify/task_result.h"
 #include "offline/problem/posterior_toml.h"
+#include "offline/solve/guess.h"
+#include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/identified_model.h"
 #include "offline/studies/identify_page.h"
@@ -258,6 +262,66 @@ TEST(IdentifiedModel, TheTaskOfAnIdentifiedRobotHasItsLinksAndGround) {
   const RobotVariation mean =
       DrawRobot(known.problem.scene, known.problem.robust->spreads, 0, 1, 1);
   EXPECT_NEAR(mean.links[0].mass, 1, 1e-9) << "the model is the mean of its robots";
+  const RobotVariation draw =
+      DrawRobot(known.problem.scene, known.problem.robust->spreads, 2, 1, 1);
+  EXPECT_GT(std::abs(draw.joints[0].torque_limit - 1), 1e-4)
+      << "its robots differ in what no record tells, as those of the gate";
+  EXPECT_GT(draw.delay_s, 0);
+}
+
+/// What is known of a robot: the model but for the masses of its legs and its friction, and that
+/// well.
+PosteriorFile WellKnown(const Task& task, double leg1_kg, double leg2_kg, double mu) {
+  PosteriorFile file = FileOf(PriorOf(task.problem.scene));
+  RobotPosterior& known = file.posterior;
+  for (double& value : known.covariance) value *= 1e-4;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    const RobotQuantity& of = known.quantities[i];
+    if (of.kind == Kind::kFriction) known.mean[i] = std::log(mu);
+    if (of == RobotQuantity{Kind::kMass, "leg1_link"}) known.mean[i] = std::log(leg1_kg);
+    if (of == RobotQuantity{Kind::kMass, "leg2_link"}) known.mean[i] = std::log(leg2_kg);
+  }
+  return file;
+}
+
+/// The handstand's task for an identified robot, from a shipped motion.
+Task TunedTask(const PosteriorFile& file, const std::string& guess) {
+  Task task =
+      IdentifiedTask(LoadTask(testing::SourcePath("primitives/tasks/handstand.toml")), file);
+  TuneTo(file, {}, task);
+  TakeGuess(task, LoadPrimitive(testing::SourcePath(guess)), guess);
+  return task;
+}
+
+WorkSettings Quietly() {
+  WorkSettings settings;
+  settings.quiet = true;
+  return settings;
+}
+
+TEST(Tuning, EndsAtOnceWhereAllRobotsStandInTheGuess) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  const Task tuned = TunedTask(WellKnown(task, 0.4, 0.4, 0.3), "primitives/handstand.toml");
+  const TaskResult result = WorkOn(tuned, Quietly());
+  ASSERT_TRUE(result.file) << result.cause;
+  EXPECT_EQ(result.best.x, tuned.guess);
+  EXPECT_LT(result.outcome.evaluations, 20) << "motions";
+}
+
+TEST(Tuning, FindsAMotionThatTheGateLetsThroughWhereItRefusesTheGuess) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  const PosteriorFile file = WellKnown(task, 0.35, 0.46, 0.25);
+  const std::string shipped = testing::SourcePath("primitives/handstand.toml");
+  EXPECT_FALSE(PassGate(shipped, kDrives, file, {}).open());
+  // Of two guesses the first does: the second is not tried.
+  const TaskResult result = WorkOnGuesses({TunedTask(file, "primitives/handstand.toml"),
+                                           TunedTask(file, "primitives/handstand_wide.toml")},
+                                          Quietly());
+  ASSERT_TRUE(result.file) << result.cause;
+  const testing::TemporaryFolder folder;
+  const std::string motion = folder / "handstand.toml";
+  PendingFile(motion, ToToml(*result.file)).Commit();
+  EXPECT_TRUE(PassGate(motion, kDrives, file, {}).open());
 }
 
 }  // namespace

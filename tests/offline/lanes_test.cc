@@ -192,6 +192,22 @@ TEST(Lanes, PrescribedMotionsHaveTheSameBitsInEveryLaneToo) {
   }
 }
 
+TEST(Lanes, TheRootIsWatchedWhereJointsArePrescribed) {
+  // The legs stay where they are, and the robot falls freely.
+  const PrimitiveFile file = HandstandFile();
+  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, LaneDrive{});
+  LaneState<double> state = EntryState(file);
+  state.q[1] += 5;
+  std::vector<LaneSetpoint<double>> setpoints;
+  for (int k = 0; k < 400; ++k) {
+    for (std::size_t j = 0; j < 2; ++j) setpoints.push_back({state.q[j + 3], 0, 0});
+  }
+  LaneWatch<double> watch{};
+  std::vector<double> torques(setpoints.size());
+  OneRobotKernel().prescribe(scene.model, scene.robot, 2.5e-4, setpoints, state, watch, torques);
+  EXPECT_NEAR(watch.root_speed, 9.81 * 0.1, 1e-3);
+}
+
 /// The scene of the handstand with its legs free or prescribed, and what lanes have of it.
 struct BothDynamics {
   explicit BothDynamics(bool prescribed) {

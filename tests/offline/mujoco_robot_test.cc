@@ -115,7 +115,7 @@ TEST(MujocoRobot, IsIdentifiedAndStandsByAMotionForIt) {
   const testing::TemporaryFolder folder;
   const std::string motion = folder / "tuned.toml";
   ASSERT_EQ(testing::FindAnew(testing::SourcePath("primitives/tasks/handstand.toml"),
-                              kShippedHandstand, known, {}, motion),
+                              {kShippedHandstand}, known, {}, motion),
             "");
   EXPECT_TRUE(PassGate(motion, kMujocoDrives, known, {}).open());
   EXPECT_TRUE(InMujoco(motion, &model).Play(robot));

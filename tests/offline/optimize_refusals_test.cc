@@ -103,6 +103,16 @@ TEST(OptimizeCli, AMotionWithoutTheFeedbackThatTheTaskAsksForIsNotWritten) {
   EXPECT_FALSE(std::filesystem::exists(folder / "m.toml"));
 }
 
+TEST(OptimizeCli, SeveralGuessesAreForARobotThatWasIdentified) {
+  const TaskFolder folder(EndlessSearch());
+  const auto before = folder.Listing();
+  const std::string guess = testing::SourcePath("primitives/nominal/handstand.toml");
+  Program program = Optimize(folder, {"--guess", guess, "--guess", guess});
+  EXPECT_EQ(program.Wait(), 1);
+  EXPECT_THAT(program.text(), HasSubstr("give one, or --posterior"));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
 TEST(OptimizeCli, StandardOutputIsNoFolderForPages) {
   const TaskFolder folder(EndlessSearch());
   const auto before = folder.Listing();

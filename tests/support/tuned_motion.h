@@ -2,6 +2,7 @@
 
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "common/files/result_file.h"
 #include "offline/certify/task_result.h"
@@ -13,15 +14,18 @@ namespace tumbler::testing {
 /// Finds a motion anew for a robot that was identified, as tumbler optimize --guess --posterior.
 /// @param file  gets the motion.
 /// @returns  why there is none; empty: it was found.
-inline std::string FindAnew(const std::string& task, const std::string& guess,
+inline std::string FindAnew(const std::string& task, const std::vector<std::string>& guesses,
                             const PosteriorFile& known, const TuningSettings& tuning,
                             const std::string& file) {
-  Task own = IdentifiedTask(LoadTask(task), known);
-  TuneTo(known, tuning, own);
-  TakeGuess(own, LoadPrimitive(guess), guess);
+  std::vector<Task> tasks;
+  for (const std::string& guess : guesses) {
+    tasks.push_back(IdentifiedTask(LoadTask(task), known));
+    TuneTo(known, tuning, tasks.back());
+    TakeGuess(tasks.back(), LoadPrimitive(guess), guess);
+  }
   WorkSettings settings;
   settings.quiet = true;
-  const TaskResult result = WorkOn(std::move(own), settings);
+  const TaskResult result = WorkOnGuesses(std::move(tasks), settings);
   if (!result.file) return "no motion found: " + result.cause;
   PendingFile(file, ToToml(*result.file)).Commit();
   return "";
