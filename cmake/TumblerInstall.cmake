@@ -88,8 +88,8 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 # What cmake/tumbler-config.cmake.in looks for.
 set(tumbler_dev_packages libfmt-dev libtomlplusplus-dev zlib1g-dev liblcm-dev libsodium-dev)
 if(TUMBLER_BUILD_OFFLINE)
-  list(APPEND tumbler_dev_packages libeigen3-dev libnlopt-dev libnlopt-cxx-dev liburdfdom-dev libtinyxml-dev
-       libconsole-bridge-dev libcpp-httplib-dev)
+  list(APPEND tumbler_dev_packages libeigen3-dev libnlopt-dev libnlopt-cxx-dev libtinyxml-dev
+       libcpp-httplib-dev)
   if(tumbler_uses_mpi)
     list(APPEND tumbler_dev_packages libopenmpi-dev)
   endif()

@@ -1,9 +1,6 @@
 #include "offline/model/robot.h"
 
-#include <console_bridge/console.h>
 #include <fmt/format.h>
-#include <urdf_model/model.h>
-#include <urdf_parser/urdf_parser.h>
 
 #include <algorithm>
 #include <array>
@@ -11,7 +8,6 @@
 #include <cstddef>
 #include <limits>
 #include <map>
-#include <mutex>
 #include <optional>
 
 #include "common/core/functions.h"
@@ -38,44 +34,6 @@ std::array<double, 3> PrincipalMoments(const SpaceMatrix& inertia) {
   });
   const SymmetricEigen eigen = DecomposeSymmetric(small);
   return {eigen.values[0], eigen.values[1], eigen.values[2]};
-}
-
-/// Collects the messages that urdfdom would print.
-class CollectingHandler : public console_bridge::OutputHandler {
- public:
-  void log(const std::string& text, console_bridge::LogLevel level, const char* /*file*/,
-           int /*line*/) override {
-    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR)
-      messages += (messages.empty() ? "" : "; ") + text;
-  }
-  std::string messages;
-};
-
-urdf::ModelInterfaceSharedPtr ParseUrdf(const std::string& text, const std::string& file) {
-  static std::mutex mutex;  // console_bridge has one output handler for the whole process.
-  const std::lock_guard<std::mutex> lock(mutex);
-  CollectingHandler handler;
-  console_bridge::useOutputHandler(&handler);
-  urdf::ModelInterfaceSharedPtr model;
-  std::string thrown;
-  try {
-    model = urdf::parseURDF(text);
-  } catch (const std::exception& error) {
-    thrown = error.what();
-  }
-  console_bridge::restorePreviousOutputHandler();
-  if (model == nullptr) {
-    const std::string& why = handler.messages.empty() ? thrown : handler.messages;
-    throw FileError(file, 0, "",
-                    fmt::format("not a valid URDF: {}", why.empty() ? "no reason given" : why));
-  }
-  return model;
-}
-
-Pose ToPose(const urdf::Pose& pose) {
-  const urdf::Rotation& q = pose.rotation;
-  return {Pose::RotationOf(q.x, q.y, q.z, q.w),
-          {pose.position.x, pose.position.y, pose.position.z}};
 }
 
 /// Where what a joint moves is in the joint's frame.
@@ -131,16 +89,13 @@ std::vector<RootCoordinate> RootCoordinates(RootKind root) {
 class Builder {
  public:
   Builder(const std::string& text, std::string file, RootKind root, const LockedJoints& locked)
-      : file_(std::move(file)),
-        source_(text, file_),
-        model_(ParseUrdf(source_.text(), file_)),
-        locked_(locked) {
+      : file_(std::move(file)), source_(text, file_), locked_(locked) {
     robot_.file = file_;
-    robot_.name = model_->getName();
+    robot_.name = source_.name();
     robot_.root = root;
     robot_.tree.gravity = {0, 0, -kGravity};
     AddRoot(root);
-    AddLink(*model_->getRoot(), robot_.root_dofs - 1, Pose());
+    AddLink(source_.root(), robot_.root_dofs - 1, Pose());
     // Joints are placed in the file's order, but after the joints that carry them.
     while (!waiting_.empty()) {
       const auto first = waiting_.begin();
@@ -156,9 +111,11 @@ class Builder {
   Robot Take() { return std::move(robot_); }
 
  private:
+  using Type = UrdfSource::Joint::Type;
+
   /// A movable joint whose parent link is placed already.
   struct WaitingJoint {
-    urdf::JointConstSharedPtr joint;
+    const UrdfSource::Joint* joint;
     int body;
     Pose X;  // of the joint's frame in the body's
   };
@@ -193,66 +150,63 @@ class Builder {
       (dof.kind == JointKind::kRevolute ? dof.axis : dof.direction) = coordinate.axis;
       dof.prescribed = root == RootKind::kHingeY && dof.kind == JointKind::kPrismatic;
       RobotJoint about;
-      about.link = model_->getRoot()->name;
+      about.link = source_.root().name;
       AddDof(dof, about);
       ++robot_.root_dofs;
     }
   }
 
-  void AddLink(const urdf::Link& link, int body, const Pose& X) {
+  void AddLink(const UrdfSource::Link& link, int body, const Pose& X) {
     robot_.links.push_back({link.name, source_.LineOfLink(link.name, ""), body,
-                            link.inertial == nullptr ? 0 : link.inertial->mass, X});
+                            link.inertial ? link.inertial->mass_kg : 0, X});
     AddInertia(link, body, X);
     AddShapes(link, body, X);
-    for (const urdf::JointSharedPtr& joint : link.child_joints) {
-      const Pose X_joint = X * ToPose(joint->parent_to_joint_origin_transform);
+    for (const UrdfSource::Joint* joint : source_.JointsOn(link.name)) {
+      const Pose X_joint = X * joint->pose;
       if (!InReach(X_joint)) RefuseJoint(joint->name, kOutOfReach, "origin");
-      const urdf::Link& child = *model_->getLink(joint->child_link_name);
+      const UrdfSource::Link& child = *source_.FindLink(joint->child);
       if (const std::optional<LockedJoint> held = LockOf(*joint)) {
         robot_.locked.push_back(*held);
         if (held->with.empty() && FollowsWhatMoves(*joint)) NoteFollower(*joint);
-        const bool moves = joint->type != urdf::Joint::FIXED;
+        const bool moves = joint->type != Type::kFixed;
         AddLink(child, body,
-                moves ? X_joint * Moved(joint->type != urdf::Joint::PRISMATIC, AxisOf(*joint),
+                moves ? X_joint * Moved(joint->type != Type::kPrismatic, AxisOf(*joint),
                                         held->position_rad)
                       : X_joint);
         continue;
       }
-      if (joint->type == urdf::Joint::FIXED) {
-        if (const auto other = source_.held_joints().find(joint->name);
-            other != source_.held_joints().end()) {
+      if (joint->type == Type::kFixed) {
+        if (!joint->held_because.empty()) {
           robot_.held_joints.push_back(joint->name);
-          NoteJoint(joint->name, other->second, "");
+          NoteJoint(joint->name, joint->held_because, "");
         }
         AddLink(child, body, X_joint);
         continue;
       }
-      const auto& order = source_.joint_order();
-      waiting_.emplace(std::find(order.begin(), order.end(), joint->name) - order.begin(),
-                       WaitingJoint{joint, body, X_joint});
+      waiting_.emplace(joint - source_.joints().data(), WaitingJoint{joint, body, X_joint});
     }
   }
 
   /// How the joint is held, if it is: by its own name, or with the joint that it follows.
-  std::optional<LockedJoint> LockOf(const urdf::Joint& joint) const {
-    const bool held_type = source_.held_joints().count(joint.name) > 0;
-    if (joint.type == urdf::Joint::FIXED && !held_type) return std::nullopt;
+  std::optional<LockedJoint> LockOf(const UrdfSource::Joint& joint) const {
+    const bool held_type = !joint.held_because.empty();
+    if (joint.type == Type::kFixed && !held_type) return std::nullopt;
     LockedJoint lock;
     lock.name = joint.name;
     if (held_type) {
       lock.limits.lower_rad = lock.limits.upper_rad = 0;
-    } else if (joint.limits != nullptr && joint.type != urdf::Joint::CONTINUOUS) {
-      lock.limits.lower_rad = OrNone(joint.limits->lower);
-      lock.limits.upper_rad = OrNone(joint.limits->upper);
+    } else if (joint.limits && joint.type != Type::kContinuous) {
+      lock.limits.lower_rad = joint.limits->lower_rad;
+      lock.limits.upper_rad = joint.limits->upper_rad;
     }
     const auto own = locked_.find(joint.name);
     if (own != locked_.end()) lock.position_rad = own->second;
     // A joint may follow one that follows another; of a circle of them none leads.
     double factor = 1, offset = 0;
-    const urdf::Joint* at = &joint;
-    for (std::size_t i = 0; i <= source_.joint_order().size(); ++i) {
-      const urdf::Joint* const leader =
-          at->mimic == nullptr ? nullptr : model_->getJoint(at->mimic->joint_name).get();
+    const UrdfSource::Joint* at = &joint;
+    for (std::size_t i = 0; i <= source_.joints().size(); ++i) {
+      const UrdfSource::Joint* const leader =
+          at->mimic ? source_.FindJoint(at->mimic->joint) : nullptr;
       if (leader != nullptr) {
         offset += factor * at->mimic->offset;
         factor *= at->mimic->multiplier;
@@ -270,29 +224,23 @@ class Builder {
   }
 
   /// Some files name a leader that they do not have, or that is fixed.
-  [[nodiscard]] bool FollowsWhatMoves(const urdf::Joint& joint) const {
-    if (joint.mimic == nullptr) return false;
-    const urdf::JointConstSharedPtr leader = model_->getJoint(joint.mimic->joint_name);
-    return leader != nullptr && leader->type != urdf::Joint::FIXED;
+  [[nodiscard]] bool FollowsWhatMoves(const UrdfSource::Joint& joint) const {
+    const UrdfSource::Joint* const leader =
+        joint.mimic ? source_.FindJoint(joint.mimic->joint) : nullptr;
+    return leader != nullptr && leader->type != Type::kFixed;
   }
 
-  void NoteFollower(const urdf::Joint& joint) {
+  void NoteFollower(const UrdfSource::Joint& joint) {
     NoteJoint(joint.name,
               fmt::format("follows joint '{}' (mimic), and no task has joints that follow others; "
                           "lock that, and with it this one, or leave <mimic> out",
-                          joint.mimic->joint_name),
+                          joint.mimic->joint),
               "mimic");
   }
 
-  static double OrNone(double limit) {
-    return std::abs(limit) < kNoLimit
-               ? limit
-               : std::copysign(std::numeric_limits<double>::infinity(), limit);
-  }
-
   /// A unit vector in the joint's frame.
-  SpaceVector AxisOf(const urdf::Joint& joint) {
-    const SpaceVector given(joint.axis.x, joint.axis.y, joint.axis.z);
+  SpaceVector AxisOf(const UrdfSource::Joint& joint) {
+    const SpaceVector given = joint.axis;
     // Its numbers may be so large or small that their squares are not.
     const double largest =
         std::max({std::abs(given.x()), std::abs(given.y()), std::abs(given.z())});
@@ -303,9 +251,8 @@ class Builder {
     return given / ((given / largest).norm() * largest);
   }
 
-  void AddJoint(const urdf::Joint& joint, int body, const Pose& X_joint) {
-    const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
-    const bool revolute = joint.type != urdf::Joint::PRISMATIC;
+  void AddJoint(const UrdfSource::Joint& joint, int body, const Pose& X_joint) {
+    const bool revolute = joint.type != Type::kPrismatic;
     const SpaceVector axis = X_joint.rotation * AxisOf(joint);
     Dof<Spatial> dof;
     dof.name = joint.name;
@@ -314,23 +261,19 @@ class Builder {
     dof.kind = revolute ? JointKind::kRevolute : JointKind::kPrismatic;
     (revolute ? dof.axis : dof.direction) = axis.normalized();
     RobotJoint about;
-    about.link = child->name;
-    about.continuous = joint.type == urdf::Joint::CONTINUOUS;
+    about.link = joint.child;
+    about.continuous = joint.type == Type::kContinuous;
     about.axis_line = source_.LineOfJoint(joint.name, "axis");
-    const auto [first, last] = source_.lacks().equal_range(joint.name);
-    for (auto lack = first; lack != last; ++lack) robot_.findings.push_back(lack->second);
-    if (joint.limits != nullptr) AddLimits(joint, about);
-    if (joint.dynamics != nullptr) {
-      dof.damping_nm_s_per_rad = joint.dynamics->damping;
-      about.dry_friction_nm = joint.dynamics->friction;
-      if (!(joint.dynamics->damping >= 0)) {
-        RefuseJoint(joint.name,
-                    fmt::format("dynamics damping = {:g}; allowed: >= 0", joint.dynamics->damping),
-                    "dynamics");
-      }
+    robot_.findings.insert(robot_.findings.end(), joint.lacks.begin(), joint.lacks.end());
+    if (joint.limits) AddLimits(joint, about);
+    dof.damping_nm_s_per_rad = joint.damping;
+    about.dry_friction_nm = joint.friction;
+    if (!(joint.damping >= 0)) {
+      RefuseJoint(joint.name, fmt::format("dynamics damping = {:g}; allowed: >= 0", joint.damping),
+                  "dynamics");
     }
-    if (joint.mimic != nullptr) {
-      about.mimics = joint.mimic->joint_name;
+    if (joint.mimic) {
+      about.mimics = joint.mimic->joint;
       NoteFollower(joint);
     }
     AddDof(dof, about);
@@ -338,25 +281,25 @@ class Builder {
     // X_child.
     Pose X_child;
     X_child.rotation = X_joint.rotation;
-    AddLink(*child, static_cast<int>(robot_.tree.dofs.size()) - 1, X_child);
+    AddLink(*source_.FindLink(joint.child), static_cast<int>(robot_.tree.dofs.size()) - 1, X_child);
   }
 
-  void AddLimits(const urdf::Joint& joint, RobotJoint& about) {
-    const urdf::JointLimits& given = *joint.limits;
+  void AddLimits(const UrdfSource::Joint& joint, RobotJoint& about) {
+    const RobotJointLimits& given = *joint.limits;
     RobotJointLimits& limits = about.limits;
     if (!about.continuous) {
-      limits.lower_rad = OrNone(given.lower);
-      limits.upper_rad = OrNone(given.upper);
-      if (!(given.lower <= given.upper)) {
+      limits.lower_rad = given.lower_rad;
+      limits.upper_rad = given.upper_rad;
+      if (!(given.lower_rad <= given.upper_rad)) {
         RefuseJoint(joint.name,
                     fmt::format("limit lower = {:g} upper = {:g}; allowed: finite, lower <= upper",
-                                given.lower, given.upper),
+                                given.lower_rad, given.upper_rad),
                     "limit");
       }
     }
     // Many files have a limit of 0 where nobody knew it.
     const auto positive = [&](const char* what, double value) {
-      if (value > 0) return OrNone(value);
+      if (value > 0) return value;
       const std::string problem = fmt::format("limit {} = {:g}; allowed: > 0", what, value);
       if (value == 0) {
         NoteJoint(joint.name, problem, "limit");
@@ -365,33 +308,33 @@ class Builder {
       }
       return value;
     };
-    limits.velocity_rad_s = positive("velocity", given.velocity);
-    limits.effort_nm = positive("effort", given.effort);
+    limits.velocity_rad_s = positive("velocity", given.velocity_rad_s);
+    limits.effort_nm = positive("effort", given.effort_nm);
   }
 
-  void AddInertia(const urdf::Link& link, int body, const Pose& X) {
-    if (link.inertial == nullptr) return;
-    const urdf::Inertial& given = *link.inertial;
-    const SpaceMatrix I({given.ixx, given.ixy, given.ixz}, {given.ixy, given.iyy, given.iyz},
-                        {given.ixz, given.iyz, given.izz});
-    const Pose X_com = X * ToPose(given.origin);
+  void AddInertia(const UrdfSource::Link& link, int body, const Pose& X) {
+    if (!link.inertial) return;
+    const double mass = link.inertial->mass_kg;
+    const SpaceMatrix& I = link.inertial->inertia_kg_m2;
+    const Pose X_com = X * link.inertial->pose;
     if (!InReach(X_com)) RefuseLink(link.name, kOutOfReach, "inertial");
-    const std::vector<RobotFinding> doubtful = DoubtfulInertia(link, I);
+    const std::vector<RobotFinding> doubtful = DoubtfulInertia(link);
     if (body < 0) return;  // The link is fixed to the world and never moves.
     BodySum& sum = bodies_[static_cast<std::size_t>(body)];
-    if (given.mass != 0 || !(I == SpaceMatrix::Zero())) ++sum.links;
+    if (mass != 0 || !(I == SpaceMatrix::Zero())) ++sum.links;
     sum.doubtful.insert(sum.doubtful.end(), doubtful.begin(), doubtful.end());
     const SpaceVector c = X_com.translation;
-    sum.mass += given.mass;
-    sum.first_moment += given.mass * c;
+    sum.mass += mass;
+    sum.first_moment += mass * c;
     sum.second_moment +=
         X_com.rotation * I * X_com.rotation.transpose() +
-        given.mass * (c.squaredNorm() * SpaceMatrix::Identity() - SpaceMatrix::Outer(c, c));
+        mass * (c.squaredNorm() * SpaceMatrix::Identity() - SpaceMatrix::Outer(c, c));
   }
 
   /// What is not physical of a link's inertia. None of a link without mass and inertia.
-  std::vector<RobotFinding> DoubtfulInertia(const urdf::Link& link, const SpaceMatrix& I) {
-    const double mass = link.inertial->mass;
+  std::vector<RobotFinding> DoubtfulInertia(const UrdfSource::Link& link) {
+    const double mass = link.inertial->mass_kg;
+    const SpaceMatrix& I = link.inertial->inertia_kg_m2;
     if (mass == 0 && I == SpaceMatrix::Zero()) return {};
     std::vector<RobotFinding> doubtful;
     const auto doubt = [&](const std::string& problem, const char* element) {
@@ -422,51 +365,21 @@ class Builder {
     return doubtful;
   }
 
-  void AddShapes(const urdf::Link& link, int body, const Pose& X) {
-    const auto add = [&](const auto& elements, std::vector<RobotShape>& shapes) {
-      for (std::size_t i = 0; i < elements.size(); ++i) {
-        if (elements[i] == nullptr || elements[i]->geometry == nullptr) continue;
-        RobotShape shape = ToShape(*elements[i]->geometry);
-        shape.name = fmt::format("{}/{}", link.name, i);
-        shape.link = link.name;
-        shape.line = source_.LineOfLink(link.name, "");
+  void AddShapes(const UrdfSource::Link& link, int body, const Pose& X) {
+    const auto add = [&](const std::vector<RobotShape>& given, std::vector<RobotShape>& shapes) {
+      for (RobotShape shape : given) {
         shape.body = body;
-        shape.pose = X * ToPose(elements[i]->origin);
-        shape.mesh_point = elements[i]->name == kMeshPoint && shape.radius_m == 0 &&
-                           shape.kind == RobotShape::Kind::kSphere;
+        shape.pose = X * shape.pose;
         shapes.push_back(std::move(shape));
       }
     };
     const std::size_t known = robot_.collision_shapes.size();
-    add(link.collision_array, robot_.collision_shapes);
+    add(link.collision_shapes, robot_.collision_shapes);
     for (std::size_t i = known; i < robot_.collision_shapes.size(); ++i) {
       if (!InReach(robot_.collision_shapes[i].pose))
         RefuseLink(link.name, kOutOfReach, "collision");
     }
-    add(link.visual_array, robot_.visual_shapes);
-  }
-
-  static RobotShape ToShape(const urdf::Geometry& geometry) {
-    RobotShape shape;
-    if (geometry.type == urdf::Geometry::SPHERE) {
-      shape.kind = RobotShape::Kind::kSphere;
-      shape.radius_m = static_cast<const urdf::Sphere&>(geometry).radius;
-    } else if (geometry.type == urdf::Geometry::CYLINDER) {
-      const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
-      shape.kind = RobotShape::Kind::kCylinder;
-      shape.radius_m = cylinder.radius;
-      shape.length_m = cylinder.length;
-    } else if (geometry.type == urdf::Geometry::BOX) {
-      const urdf::Vector3& dim = static_cast<const urdf::Box&>(geometry).dim;
-      shape.kind = RobotShape::Kind::kBox;
-      shape.size_m = {dim.x, dim.y, dim.z};
-    } else {
-      shape.kind = RobotShape::Kind::kMesh;
-      const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
-      shape.mesh_file = mesh.filename;
-      shape.mesh_scale = {mesh.scale.x, mesh.scale.y, mesh.scale.z};
-    }
-    return shape;
+    add(link.visual_shapes, robot_.visual_shapes);
   }
 
   void Finish() {
@@ -504,7 +417,6 @@ class Builder {
 
   std::string file_;
   UrdfSource source_;
-  urdf::ModelInterfaceSharedPtr model_;
   const LockedJoints& locked_;
   std::vector<RobotFinding> mistakes_;
   Robot robot_;
