@@ -5,6 +5,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <fstream>
@@ -92,42 +93,43 @@ void CheckFolderWritable(const std::filesystem::path& folder, const std::string&
 
 }  // namespace
 
-PendingFile::PendingFile(const std::string& path, const std::string& text)
-    : path_(Canonical(path)), temporary_(TemporaryName(path_)) {
-  if (IsDevice(path)) throw FileError(path, 0, "", kWouldReplace);
-  MakeFolders();
-  errno = 0;
-  std::ofstream stream(temporary_, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (stream) return;
-  const std::string why = SystemMessage(errno);
-  Discard();
-  FailWrite(path, why);
-}
-
-void PendingFile::MakeFolders() {
+PendingPlace::PendingPlace(const std::string& path)
+    : path_(std::filesystem::absolute(Canonical(path))), temporary_(TemporaryName(path_)) {
   std::error_code error;
   std::filesystem::path folder = path_.parent_path();
   for (; !std::filesystem::exists(folder, error) && folder != folder.root_path();
        folder = folder.parent_path()) {
     made_.push_back(folder);
   }
-  MakeFolderOf(path_.string());
+  MakeFolderOf(path);
 }
 
-void PendingFile::Commit() {
+std::error_code PendingPlace::Move() {
   std::error_code error;
   std::filesystem::rename(temporary_, path_, error);
-  if (error) FailWrite(path_.string(), error.message());
-  made_.clear();
+  return error;
 }
 
-void PendingFile::Discard() {
+void PendingPlace::Commit() {
+  if (const std::error_code error = Move()) FailWrite(path_.string(), error.message());
+  Keep();
+  temporary_.clear();  // which another file may have now
+}
+
+void PendingPlace::Discard() {
   std::error_code error;
   std::filesystem::remove(temporary_, error);
   // Only folders without a file go.
   for (const std::filesystem::path& folder : made_) std::filesystem::remove(folder, error);
+}
+
+PendingFile::PendingFile(const std::string& path, const std::string& text) : place_(path) {
+  if (IsDevice(path)) throw FileError(path, 0, "", kWouldReplace);
+  errno = 0;
+  std::ofstream stream(place_.temporary(), std::ios::binary);
+  stream << text;
+  stream.close();
+  if (!stream) FailWrite(path, SystemMessage(errno));
 }
 
 PendingFiles::~PendingFiles() {
@@ -141,7 +143,7 @@ void PendingFiles::Commit() {
   const auto put_back = [&](const PendingFile& last) {
     for (const PendingFile& file : files_) {
       if (&file == &last) break;
-      std::filesystem::remove(file.path_, error);
+      std::filesystem::remove(file.place_.path(), error);
     }
     for (const auto& [path, keeps] : kept) {
       std::filesystem::rename(keeps, path, error);
@@ -150,67 +152,49 @@ void PendingFiles::Commit() {
   };
   for (PendingFile& file : files_) {
     std::error_code why;
-    if (std::filesystem::is_regular_file(file.path_, error)) {
-      const std::filesystem::path keeps = file.temporary_.string() + ".before";
+    const std::filesystem::path& path = file.place_.path();
+    if (std::filesystem::is_regular_file(path, error)) {
+      const std::filesystem::path keeps = file.place_.temporary().string() + ".before";
       std::filesystem::remove(keeps, error);
-      std::filesystem::create_hard_link(file.path_, keeps, why);
-      if (why) std::filesystem::rename(file.path_, keeps, why);  // a file system without links
-      if (!why) kept.emplace_back(file.path_, keeps);
+      std::filesystem::create_hard_link(path, keeps, why);
+      if (why) std::filesystem::rename(path, keeps, why);  // a file system without links
+      if (!why) kept.emplace_back(path, keeps);
     }
-    if (!why) std::filesystem::rename(file.temporary_, file.path_, why);
+    if (!why) why = file.place_.Move();
     if (!why) continue;
     put_back(file);
-    FailWrite(file.path_.string(), why.message());
+    FailWrite(path.string(), why.message());
   }
-  for (PendingFile& file : files_) file.made_.clear();
+  for (PendingFile& file : files_) file.place_.Keep();
   for (const auto& [path, keeps] : kept) std::filesystem::remove(keeps, error);
 }
 
 PendingName::PendingName(const std::string& path) : to_open_(path) {
   if (IsDevice(path)) return;
   CheckWritable(path);
-  path_ = std::filesystem::absolute(Canonical(path));
-  MakeFolderOf(path_.string());
-  to_open_ = TemporaryName(path_);
-  pending_ = true;
-}
-
-PendingName::~PendingName() {
-  std::error_code error;
-  if (pending_) std::filesystem::remove(to_open_, error);
-}
-
-void PendingName::Commit() {
-  if (!pending_) return;
-  std::error_code error;
-  std::filesystem::rename(to_open_, path_, error);
-  if (error) FailWrite(path_.string(), error.message());
-  pending_ = false;
+  to_open_ = place_.emplace(path).temporary().string();
 }
 
 PendingStream::PendingStream(const std::string& path) {
   CheckWritable(path);
-  path_ = std::filesystem::absolute(std::filesystem::weakly_canonical(path));
-  temporary_ = TemporaryName(path_);
-  MakeFolderOf(path_.string());
-  file_ = OpenNameless(path_.parent_path());
+  place_.emplace(path);
+  file_ = OpenNameless(place_->path().parent_path());
   if (file_ >= 0) return;
-  file_ = open(temporary_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+  file_ = open(place_->temporary().c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC,
+               kAllMayReadAndWrite);
   if (file_ < 0) FailWrite(path, SystemMessage(errno));
   named_ = true;
 }
 
 PendingStream::~PendingStream() {
   if (file_ >= 0) close(file_);
-  std::error_code error;
-  if (named_) std::filesystem::remove(temporary_, error);
 }
 
 void PendingStream::Write(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t count = write(file_, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) FailWrite(path_.string(), SystemMessage(errno));
+    if (count < 0) FailWrite(place_->path().string(), SystemMessage(errno));
     bytes.remove_prefix(static_cast<std::size_t>(count));
   }
 }
@@ -218,18 +202,16 @@ void PendingStream::Write(std::string_view bytes) {
 void PendingStream::Commit() {
   if (!named_) {
     const std::string nameless = fmt::format("/proc/self/fd/{}", file_);
-    unlink(temporary_.c_str());  // one of a program that was ended here, by the same number
-    if (linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) != 0)
-      FailWrite(path_.string(), SystemMessage(errno));
+    const char* const temporary = place_->temporary().c_str();
+    unlink(temporary);  // one of a program that was ended here, by the same number
+    if (linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, temporary, AT_SYMLINK_FOLLOW) != 0)
+      FailWrite(place_->path().string(), SystemMessage(errno));
     named_ = true;
   }
   const int closed = close(file_);
   file_ = -1;
-  if (closed != 0) FailWrite(path_.string(), SystemMessage(errno));
-  std::error_code error;
-  std::filesystem::rename(temporary_, path_, error);
-  if (error) FailWrite(path_.string(), error.message());
-  named_ = false;
+  if (closed != 0) FailWrite(place_->path().string(), SystemMessage(errno));
+  place_->Commit();
 }
 
 void WriteResult(const std::string& path, const std::string& text) {

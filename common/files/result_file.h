@@ -2,38 +2,59 @@
 
 #include <filesystem>
 #include <list>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "common/files/toml_reader.h"
 
 namespace tumbler {
 
-/// A file that appears under its name only when it is whole, and only by Commit. So a reader never
-/// sees a part of it, and a failure before leaves nothing behind: folders, which are made where
-/// there are none, are removed again.
-class PendingFile {
+/// The place of a file that appears under its name only when it is whole, and only by Commit. So a
+/// reader never sees a part of it, and a failure before leaves nothing behind: folders, which are
+/// made where there are none, are removed again. All results are written so.
+class PendingPlace {
  public:
   /// An existing file is replaced where it is, also behind a symbolic link.
-  /// @throws FileError  when it cannot be written, or is a device, whose place no file may take.
-  PendingFile(const std::string& path, const std::string& text);
-  ~PendingFile() { Discard(); }
-  PendingFile(const PendingFile&) = delete;
-  PendingFile& operator=(const PendingFile&) = delete;
+  /// @throws FileError  when the folder cannot be made.
+  explicit PendingPlace(const std::string& path);
+  ~PendingPlace() { Discard(); }
+  PendingPlace(const PendingPlace&) = delete;
+  PendingPlace& operator=(const PendingPlace&) = delete;
+
+  /// Where the file will be, and where it is to be written before.
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] const std::filesystem::path& temporary() const { return temporary_; }
 
   /// Puts the file in place. @throws FileError  when that fails.
   void Commit();
-
- private:
-  friend class PendingFiles;
-  void MakeFolders();
+  /// The same with a reason in place of an exception, and folders may still be removed.
+  [[nodiscard]] std::error_code Move();
+  /// Lets folders stay.
+  void Keep() { made_.clear(); }
+  /// Removes what was not put in place.
   void Discard();
 
+ private:
   std::filesystem::path path_;
   std::filesystem::path temporary_;
   std::vector<std::filesystem::path>
       made_;  // those above the file that were not there, inmost first
+};
+
+/// A file that is there at once, as a PendingPlace.
+class PendingFile {
+ public:
+  /// @throws FileError  when it cannot be written, or is a device, whose place no file may take.
+  PendingFile(const std::string& path, const std::string& text);
+  /// Puts the file in place. @throws FileError  when that fails.
+  void Commit() { place_.Commit(); }
+
+ private:
+  friend class PendingFiles;
+  PendingPlace place_;
 };
 
 /// Files that belong together: all of them appear under their names, or none.
@@ -62,19 +83,16 @@ class PendingName {
  public:
   /// @throws FileError  when no such file can be written.
   explicit PendingName(const std::string& path);
-  ~PendingName();
-  PendingName(const PendingName&) = delete;
-  PendingName& operator=(const PendingName&) = delete;
-
   /// The name to open.
   [[nodiscard]] const std::string& to_open() const { return to_open_; }
   /// Puts the file in place, once it is closed or flushed. @throws FileError  when that fails.
-  void Commit();
+  void Commit() {
+    if (place_) place_->Commit();
+  }
 
  private:
-  std::filesystem::path path_;
+  std::optional<PendingPlace> place_;  // of a device: none
   std::string to_open_;
-  bool pending_ = false;  ///< Whether a file of the other name may be there.
 };
 
 /// The same for a file that is too long to be kept in memory: written bit by bit, it appears by
@@ -95,10 +113,9 @@ class PendingStream {
   void Commit();
 
  private:
-  std::filesystem::path path_;
-  std::filesystem::path temporary_;
+  std::optional<PendingPlace> place_;
   int file_ = -1;
-  bool named_ = false;  ///< Whether the temporary name is there.
+  bool named_ = false;  ///< Whether the file has its temporary name.
 };
 
 /// Holds a file for one writer that writes it bit by bit under its own name: another program that

@@ -1,16 +1,10 @@
 #include "offline/pages/page_file.h"
 
-#include <fmt/format.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <filesystem>
-#include <fstream>
-#include <stdexcept>
-#include <system_error>
 
 #include "common/files/markup.h"
+#include "common/files/result_file.h"
 #include "common/files/toml_reader.h"
 #include "offline/pages/report_checks.h"
 
@@ -105,34 +99,9 @@ std::string PageFolder(const std::string& out) {
 }
 
 std::string WritePage(const std::string& page, const std::string& out) {
-  const std::filesystem::path path = PagePath(out);
-  const std::string directory = PageFolder(out);
-  std::error_code error;
-  const bool made = std::filesystem::create_directories(directory, error);
-  const auto fail = [&](const std::string& reason) {
-    std::error_code none;
-    if (made) std::filesystem::remove(directory, none);
-    throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), reason));
-  };
-  if (error) fail(error.message());
-  // Of its own, so that two programs can write to one folder.
-  const std::filesystem::path partial = fmt::format("{}.{}.tmp", path.string(), getpid());
-  {
-    std::ofstream file(partial, std::ios::binary);
-    file << page << std::flush;
-    if (!file) {
-      const std::string reason = std::generic_category().message(errno);
-      std::filesystem::remove(partial, error);
-      fail(reason);
-    }
-  }
-  std::filesystem::rename(partial, path, error);
-  if (error) {
-    const std::string reason = error.message();
-    std::filesystem::remove(partial, error);
-    fail(reason);
-  }
-  return path.string();
+  const std::string path = PagePath(out);
+  PendingFile(path, page).Commit();
+  return path;
 }
 
 }  // namespace tumbler

@@ -29,9 +29,8 @@ std::string PagePath(const std::string& out);
 /// The folder of PagePath(out).
 std::string PageFolder(const std::string& out);
 
-/// Writes a page to PagePath(out), and creates its folder where it is missing. An existing page is
-/// replaced only once the new one is complete. @returns the page's path.
-/// @throws std::runtime_error with the path when it cannot be written.
+/// Writes a page to PagePath(out), as a PendingFile. @returns the page's path.
+/// @throws FileError  when it cannot be written.
 std::string WritePage(const std::string& page, const std::string& out);
 
 /// The robot and its surroundings as the page's scripts draw them: `links` (name, shapes), `joints`

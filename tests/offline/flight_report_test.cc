@@ -554,7 +554,7 @@ TEST_F(ReportProgram, SaysWhenThePageCannotBeWritten) {
   std::ofstream(out_) << "a file, not a folder";
   const Outcome outcome = Report(Recorded().handstand);
   EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
-  EXPECT_THAT(outcome.text, HasSubstr("cannot write " + out_ + "/index.html"));
+  EXPECT_THAT(outcome.text, HasSubstr(out_ + "/index.html: cannot be written: "));
   EXPECT_EQ(ReadFile(out_), "a file, not a folder");
 }
 

@@ -333,12 +333,15 @@ TEST_F(Report, APlaceThatCannotBeWrittenIsAnErrorWithItsPath) {
   std::filesystem::create_directories(directory_);
   std::ofstream(directory_ + "/file") << "in the way";
   EXPECT_EQ(WriteFailure(directory_ + "/file/report"),
-            "cannot write " + directory_ + "/file/report/index.html: Not a directory");
+            fmt::format("{0}/file/report/index.html: cannot be written: {0}/file/report: Not a "
+                        "directory",
+                        directory_));
 }
 
 TEST_F(Report, APageThatCannotBeReplacedIsAnErrorAndLeavesNothingBehind) {
   std::filesystem::create_directories(directory_ + "/index.html/in_the_way");
-  EXPECT_EQ(WriteFailure(directory_), "cannot write " + directory_ + "/index.html: Is a directory");
+  EXPECT_EQ(WriteFailure(directory_),
+            directory_ + "/index.html: cannot be written: Is a directory");
   std::vector<std::string> left;
   for (const auto& entry : std::filesystem::directory_iterator(directory_)) {
     left.push_back(entry.path().filename());
@@ -351,7 +354,7 @@ TEST_F(Report, ADiskThatIsFullIsAnErrorWithThePath) {
   std::filesystem::create_symlink("/dev/full",
                                   fmt::format("{}/index.html.{}.tmp", directory_, getpid()));
   EXPECT_EQ(WriteFailure(directory_),
-            "cannot write " + directory_ + "/index.html: No space left on device");
+            directory_ + "/index.html: cannot be written: No space left on device");
   EXPECT_FALSE(std::filesystem::exists(directory_ + "/index.html"));
 }
 

@@ -106,7 +106,7 @@ const std::vector<BadSurrounding> kBadSurroundings = {
     {"tumbler new robot --joints 4294967297", "--joints: "},
     // Where nothing can be written.
     {"tumbler run sim handstand.toml --csv /proc/x --hold-s 0", "/proc/x: cannot be written"},
-    {"tumbler view good.rec --out /proc/page", "cannot write /proc/page/index.html"},
+    {"tumbler view good.rec --out /proc/page", "/proc/page/index.html: cannot be written: "},
     {"tumbler optimize task.toml --report handstand.toml", "handstand.toml is not a folder"},
     // Disks that are full.
     {"tumbler run sim handstand.toml --hold-s 0 >full", kFull},
