@@ -80,7 +80,9 @@ Task IdentifiedTask(const Task& given, const PosteriorFile& file) {
 void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task) {
   RobustSettings& robust = *task.problem.robust;
   robust.spreads.posterior = std::make_shared<const RobotPosterior>(file.posterior);
-  robust.polish_robots = std::min(robust.polish_robots, settings.robots);
+  robust.polish_robots = std::min(robust.polish_robots,
+                                  file.effective ? settings.robots_of_effective : settings.robots);
+  if (file.effective) robust.polish_scale = std::min(robust.polish_scale, kEffectiveDeviations);
   robust.polish_rounds = settings.rounds;
   robust.generations = std::min(robust.generations, settings.generations);
 }

@@ -18,11 +18,16 @@ std::string IdentifiedUrdf(const std::string& robot_text, const std::string& rob
 /// @throws FileError  when `[contact]` does not give a property of the ground as a number.
 Task IdentifiedTask(const Task& given, const PosteriorFile& file);
 
+/// By how many standard deviations robots of an effective model are drawn at most.
+inline constexpr double kEffectiveDeviations = 1;
+
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
 /// a posterior differ little.
 struct TuningSettings {
   int robots = 32, generations = 80;
   int rounds = 2;  ///< Of which the first has half the robots.
+  /// Of an effective model, which leaves more open.
+  int robots_of_effective = 96;
 };
 
 /// Lets the search for a task's motion be judged by the robots of a posterior. At most these many
