@@ -40,13 +40,15 @@ constexpr const char* kIdentifyExitCodes =
 
 namespace fs = std::filesystem;
 
+constexpr int kNoDraws = -1;  // --draws was not given
+
 struct IdentifyArguments {
   std::string task, out;                       // excite
   std::vector<std::string> records, held_out;  // fit
   std::string prior;
   double weight_kg = 0;
   std::string motion, posterior, drives, json;  // gate
-  int draws = GateSettings{}.draws;
+  int draws = kNoDraws;
   ExcitationSettings excitation;
   std::optional<std::uint64_t> seed;
   int encoder_counts = ReadingSettings{}.encoder_counts_per_turn;
@@ -364,7 +366,7 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   CheckResult(arguments.json);
   CheckDistinct({arguments.motion, arguments.posterior, arguments.drives}, {arguments.json});
   GateSettings settings;
-  settings.draws = arguments.draws;
+  if (arguments.draws != kNoDraws) settings.draws = arguments.draws;
   if (arguments.seed) settings.seed = *arguments.seed;
   const GateOutcome outcome = PassGate(arguments.motion, arguments.drives, file, settings);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
@@ -390,7 +392,7 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   fmt::print(people,
              "draws: {} robots at {:.3g} standard deviations, with margins of {:.3g} % in torque "
              "limits, {:.3g} ms in delay\n",
-             settings.draws, settings.deviations, 100 * settings.margins.torque_limit,
+             outcome.draws.count, outcome.draws.deviations, 100 * settings.margins.torque_limit,
              1e3 * settings.margins.delay_s);
   if (file.effective) {
     fmt::print(people,
@@ -399,8 +401,9 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
     const TrialOutcome& robot = outcome.robots[i];
     fmt::print(people, "{}: {}{}\n",
-               i == 0 ? std::string("the robot that was identified")
-                      : fmt::format("a robot at {:.3g} standard deviations", settings.deviations),
+               i == 0
+                   ? std::string("the robot that was identified")
+                   : fmt::format("a robot at {:.3g} standard deviations", outcome.draws.deviations),
                ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
   }
   fmt::print(people, "{}\n",
@@ -461,9 +464,12 @@ ExitStatus Main(int argc, char** argv) {
   gate.Option("--drives", arguments.drives,
               "Drives file of the run: the records' own, or with corrected zeros; without it, "
               "default drives with the motion's gains");
-  gate.Option("--draws", arguments.draws, "Robots at two standard deviations, beside the mean")
-      .Within(0, 1000)
-      .ShowDefault();
+  gate.Option("--draws", arguments.draws,
+              fmt::format("Robots beside the mean; without it {} at {:.3g} standard deviations, of "
+                          "an effective model {} at {:.3g}",
+                          GateDraws{}.count, GateDraws{}.deviations, kDrawsOfEffective.count,
+                          kDrawsOfEffective.deviations))
+      .Within(0, 1000);
   gate.Seed(arguments.seed, "Seed of the draws");
   gate.Option("--json", arguments.json,
               "Write what was played, with which drives and twin, to this file, or - for standard "

@@ -14,7 +14,7 @@ namespace tumbler {
 namespace {
 
 /// Lets a robot differ in what no record tells.
-void AddMargins(const Scene& scene, const GateSettings& settings, int index,
+void AddMargins(const Scene& scene, const GateSettings& settings, double deviations, int index,
                 RobotVariation& robot) {
   Spreads spreads;
   spreads.mass = 0;
@@ -22,9 +22,8 @@ void AddMargins(const Scene& scene, const GateSettings& settings, int index,
   spreads.torque_limit = settings.margins.torque_limit;
   spreads.delay_s = settings.margins.delay_s;
   constexpr std::uint64_t kOtherSeed = 0x9e3779b9;  // numbers that are not those of the posterior
-  const RobotVariation other =
-      DrawRobot(scene, spreads, settings.deviations, settings.seed ^ kOtherSeed,
-                static_cast<std::uint64_t>(index));
+  const RobotVariation other = DrawRobot(scene, spreads, deviations, settings.seed ^ kOtherSeed,
+                                         static_cast<std::uint64_t>(index));
   for (std::size_t j = 0; j < robot.joints.size(); ++j)
     robot.joints[j].torque_limit = other.joints[j].torque_limit;
   robot.delay_s = other.delay_s;
@@ -70,15 +69,19 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
     }
     ShiftZeros(known, played);
   }
-  for (int i = 0; i <= settings.draws; ++i) {
+  outcome.draws = posterior.effective ? kDrawsOfEffective : GateDraws{};
+  if (settings.draws) outcome.draws.count = *settings.draws;
+  if (settings.deviations) outcome.draws.deviations = *settings.deviations;
+  for (int i = 0; i <= outcome.draws.count; ++i) {
     const RobotPosterior& robots = known.posterior;
     const std::vector<double> coordinates =
-        i == 0 ? robots.mean
-               : robots.Draw(settings.deviations, settings.seed, static_cast<std::uint64_t>(i));
+        i == 0
+            ? robots.mean
+            : robots.Draw(outcome.draws.deviations, settings.seed, static_cast<std::uint64_t>(i));
     RobotVariation robot = VariationOf(trials.scene(), robots.quantities, coordinates);
     OwnDrives(StatedIn(known.drives), robots.quantities, robot);
     TakeOff(trials.robot().motors, robot);
-    if (i > 0) AddMargins(trials.scene(), settings, i, robot);
+    if (i > 0) AddMargins(trials.scene(), settings, outcome.draws.deviations, i, robot);
     outcome.robots.push_back(trials.Play(robot));
   }
   return outcome;
@@ -90,7 +93,7 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
   auto robots = Json::Array();
   for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
     const TrialOutcome& robot = outcome.robots[i];
-    robots.Append({{"deviations", i == 0 ? 0.0 : settings.deviations},
+    robots.Append({{"deviations", i == 0 ? 0.0 : outcome.draws.deviations},
                    {"verdict", ToString(robot.verdict)},
                    {"reason", robot.reason}});
   }
@@ -108,7 +111,7 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
       {"posterior", posterior},
       {"effective", effective},
       {"open", outcome.open()},
-      {"draws", settings.draws},
+      {"draws", outcome.draws.count},
       {"seed", settings.seed},
       {"margins",
        {{"torque_limit", settings.margins.torque_limit}, {"delay_s", settings.margins.delay_s}}},

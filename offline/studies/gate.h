@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,10 +12,20 @@
 
 namespace tumbler {
 
+/// The robots that a gate plays beside the mean.
+struct GateDraws {
+  int count = 3;
+  double deviations = 2;  ///< By so many are they drawn.
+};
+/// Of an effective model, whose intervals are wide: two deviations in all that it leaves open are
+/// robots that no motion carries. Where one in five falls, three pass by chance; twelve do not.
+inline constexpr GateDraws kDrawsOfEffective = {12, kEffectiveDeviations};
+
 /// Settings of a gate.
 struct GateSettings {
-  int draws = 3;          ///< Robots beside the mean.
-  double deviations = 2;  ///< By so many are they drawn.
+  /// None: GateDraws, or kDrawsOfEffective.
+  std::optional<int> draws = {};
+  std::optional<double> deviations = {};
   std::uint64_t seed = 1;
   UntoldSpreads margins;
 };
@@ -22,6 +33,7 @@ struct GateSettings {
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.
 struct GateOutcome {
   std::vector<TrialOutcome> robots;
+  GateDraws draws;      ///< As they were drawn.
   DrivesConfig drives;  ///< With which they were played.
   /// Whether all of them are as asked. Only then is the motion to be tried on the robot.
   [[nodiscard]] bool open() const;

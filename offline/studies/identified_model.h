@@ -24,11 +24,16 @@ struct UntoldSpreads {
   double delay_s = 1e-4;       ///< Of what setpoints are late by.
 };
 
+/// By how many standard deviations robots of an effective model are drawn at most.
+inline constexpr double kEffectiveDeviations = 1;
+
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
 /// a posterior differ little.
 struct TuningSettings {
   int robots = 32, generations = 50;
   int rounds = 2;  ///< Of which the first has half the robots.
+  /// Of an effective model, which leaves more open.
+  int robots_of_effective = 96;
   UntoldSpreads untold;
 };
 

@@ -91,8 +91,8 @@ struct StudySettings {
   testing::HiddenBesides besides;
   std::string task, further, keep;
   std::vector<std::string> gated, guesses;
-  int falls = 0, stands = 0;
-  double scale = 1;
+  int falls = 0, stands = 0, draws = -1;
+  double scale = 1, deviations = -1;
   bool one_by_one = false;
   bool effective = false, each = false;
   double mujoco_s = 0;
@@ -124,8 +124,8 @@ StudySettings Parse(int argc, char** argv) {
               "robots are in MuJoCo, with this time constant of contacts; 0: in the twin")
       .Within(0.0, 1.0);
 #endif
-  line.Option("--draws", s.gate.draws, "of the gate").Within(0, 1000);
-  line.Option("--deviations", s.gate.deviations, "of the gate's draws").Within(0.0, 10.0);
+  line.Option("--draws", s.draws, "of the gate; -1: its own").Within(-1, 1000);
+  line.Option("--deviations", s.deviations, "of the gate's draws; -1: its own").Within(-1.0, 10.0);
   line.Option("--margin-torque", s.gate.margins.torque_limit, "of the gate").Within(0.0, 1.0);
   line.Option("--margin-delay-s", s.gate.margins.delay_s, "of the gate").Within(0.0, 1.0);
   line.Option("--weigh", s.weight, "1: the robot is weighed").Within(0.0, 1.0);
@@ -150,6 +150,8 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--keep", s.keep, "folder for the posterior of each robot that is fitted");
   line.Seed(s.seed, "of the robots");
   line.Parse(argc, argv);
+  if (s.draws >= 0) s.gate.draws = s.draws;
+  if (s.deviations >= 0) s.gate.deviations = s.deviations;
   return s;
 }
 

@@ -223,6 +223,16 @@ TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
   EXPECT_EQ(ice.robots.size(), 2U);
 }
 
+TEST(Gate, PlaysMoreRobotsOfAnEffectiveModel) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  PosteriorFile file = FileOf(PriorOf(task.problem.scene));
+  for (double& value : file.posterior.covariance) value *= 1e-6;
+  const std::string motion = testing::SourcePath("primitives/stand.toml");
+  EXPECT_EQ(PassGate(motion, kDrives, file, {}).robots.size(), 4U);
+  file.effective = true;
+  EXPECT_EQ(PassGate(motion, kDrives, file, {}).robots.size(), 13U);
+}
+
 TEST(Gate, TakesNoSequenceThatGoesOnForEver) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   EXPECT_THROW(PassGate(testing::SourcePath("primitives/gait.toml"), kDrives,
