@@ -55,6 +55,23 @@ struct IdentifyArguments {
   bool quiet = false;
 };
 
+/// Says what a record is expected to tell.
+void PrintExpected(const Excitation& found, const std::vector<std::string>& after) {
+  using Kind = RobotQuantity::Kind;
+  std::string text;
+  for (std::size_t i = 0; i < found.deviations.size(); ++i) {
+    const Kind kind = found.quantities[i].kind;
+    if (kind != Kind::kMass && kind != Kind::kFriction && kind != Kind::kStiffness &&
+        kind != Kind::kDamping) {
+      continue;
+    }
+    text += fmt::format("{}{} {:.2g} %", text.empty() ? "" : ", ", NameOf(found.quantities[i]),
+                        100 * found.deviations[i]);
+  }
+  fmt::print("  a record of it{} is expected to tell, as standard deviations: {}\n",
+             after.empty() ? "" : " and of those before it", text);
+}
+
 ExitStatus Excite(const IdentifyArguments& arguments) {
   ExcitationSettings settings = arguments.excitation;
   settings.interrupt = &EndOnSignals();
@@ -64,7 +81,9 @@ ExitStatus Excite(const IdentifyArguments& arguments) {
   if (arguments.out == "-")
     throw FileError(arguments.out, 0, "", "a primitive is written to a file; './-' is one");
   CheckWritable(arguments.out);
-  CheckDistinct({arguments.task}, {arguments.out});
+  std::vector<std::string> read = settings.after;
+  read.push_back(arguments.task);
+  CheckDistinct(read, {arguments.out});
   const HeldResults held({arguments.out});
   const Excitation found = MakeExcitation(arguments.task, settings);
   if (*settings.interrupt) {
@@ -78,10 +97,9 @@ ExitStatus Excite(const IdentifyArguments& arguments) {
   const std::string text = ToToml(*found.file);
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   PendingFile(arguments.out, text).Commit();
-  fmt::print(
-      "{}: {} of {} motions that were drawn are safe for the model; of these the most telling, "
-      "{:.4g} nats\n",
-      found.file->primitive.name.view(), found.safe, found.tried, found.information);
+  fmt::print("{}: the most telling of {} motions, of which {} are safe for the model\n",
+             found.file->primitive.name.view(), found.tried, found.safe);
+  PrintExpected(found, settings.after);
   for (std::size_t j = 0; j < found.joint_rad.size(); ++j) {
     fmt::print("  {} swings by {:.3g} rad\n", found.file->primitive.joints[j].name.view(),
                found.joint_rad[j]);
@@ -437,6 +455,15 @@ ExitStatus Main(int argc, char** argv) {
   excite.Option("--candidates", arguments.excitation.candidates, "Motions that are drawn")
       .Within(1, 10000)
       .ShowDefault();
+  excite
+      .Option("--generations", arguments.excitation.generations,
+              "Of the search about the best that was drawn; 0: none")
+      .Within(0, 10000)
+      .ShowDefault();
+  excite
+      .Option("--after", arguments.excitation.after,
+              "A motion that is recorded besides: this one is to tell what its record leaves open")
+      .TakesOneValueEachTime();
   excite.Seed(arguments.seed, "Seed of the motions and of the robots that play them");
   excite.Flag("--quiet", arguments.quiet, "No progress");
   CommandLine fit = line.Subcommand("fit", "Finds the robot that explains flight records");

@@ -18,6 +18,9 @@ struct LaneSteps {
   /// Integration steps for which a drive keeps the torque of its law: those of a drive whose loop
   /// is slower than they are.
   int law_every = 1;
+  /// Whether steps are those of the explicit midpoint rule, with the torque that the law had at the
+  /// beginning of the step, as drives keep theirs; else they are semi-implicit Euler's.
+  bool midpoint = false;
 };
 
 /// The setpoints that the drives of a robot obey.
@@ -45,7 +48,7 @@ struct LaneKernel {
   ///
   ///   torque = kp (position - measured) + kd (velocity - measured) + feed-forward,
   ///
-  /// within the limit. `held` is then the last setpoint. Steps are semi-implicit Euler's.
+  /// within the limit. `held` is then the last setpoint.
   void (*drive)(const LaneModel& model, const LaneRobot<S>& robot, const LaneSteps& steps,
                 std::span<const LaneSetpoint<S>> setpoints, HeldSetpoints<S>& held,
                 LaneState<S>& state, LaneWatch<S>& watch);

@@ -119,7 +119,7 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   // once are the rule. Else: of the backward Euler method between two evaluations; what the filter
   // and the current loop do lags by their constants.
   std::array<S, LaneModel::kMaxJoints> share, followed;
-  bool plain = steps.law_every == 1;
+  bool plain = steps.law_every == 1 && !steps.midpoint;
   for (std::size_t j = 0; plain && j < joints; ++j) {
     const LaneJoint<P>& joint = robot.joints[j];
     plain = !Any((S(0) < lanes(joint.velocity_filter)) | (S(0) < lanes(joint.torque_lag)));
@@ -132,7 +132,8 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
     const LaneSetpoint<P>* const now = setpoints.data() + k;
     for (int i = 0; i < steps.per_tick; ++i) {
-      const S since(h_s * (i + 0.5));
+      // The middle of the time for which the law's torque is kept.
+      const S since(h_s * (i - i % steps.law_every + 0.5 * steps.law_every));
       tree.Outwards([&](auto body) __attribute__((always_inline)) {
         const std::size_t j = body - 1;
         const LaneDriveLaw<S, P> law(robot, j, lanes);
@@ -154,9 +155,28 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
       });
       dynamics.Accelerate(robots.state, tau, qdd);
       robots.depth = Max(robots.depth, dynamics.depth());
-      for (std::size_t d = 0; d < joints + 3; ++d) {
-        robots.state.v[d] += h * qdd[d];
-        robots.state.q[d] += h * robots.state.v[d];
+      if (steps.midpoint) {
+        LaneState<S> middle;
+        for (std::size_t d = 0; d < joints + 3; ++d) {
+          middle.q[d] = robots.state.q[d] + S(0.5) * h * robots.state.v[d];
+          middle.v[d] = robots.state.v[d] + S(0.5) * h * qdd[d];
+        }
+        tree.Outwards([&](auto body) __attribute__((always_inline)) {
+          const std::size_t j = body - 1;
+          tau[j + 3] = LaneDriveLaw<S, P>(robot, j, lanes)
+                           .AtJoint(robots.state.exerted[j], middle.q[j + 3], middle.v[j + 3],
+                                    robots.torque[j]);
+        });
+        dynamics.Accelerate(middle, tau, qdd);
+        for (std::size_t d = 0; d < joints + 3; ++d) {
+          robots.state.q[d] += h * middle.v[d];
+          robots.state.v[d] += h * qdd[d];
+        }
+      } else {
+        for (std::size_t d = 0; d < joints + 3; ++d) {
+          robots.state.v[d] += h * qdd[d];
+          robots.state.q[d] += h * robots.state.v[d];
+        }
       }
       robots.WatchRoot();
     }

@@ -15,22 +15,28 @@
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
+#include "common/files/sequence_toml.h"
+#include "common/files/toml_reader.h"
 #include "common/files/toml_writer.h"
 #include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
+#include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/lane_kernel.h"
 #include "offline/scene/lane_scene.h"
 #include "offline/scene/normal.h"
 #include "offline/scene/robot_posterior.h"
 #include "offline/scene/self_clearance.h"
+#include "offline/solve/cma_es.h"
 #include "offline/solve/constraints.h"
 #include "offline/solve/joint_paths.h"
 #include "offline/solve/rollout.h"
 #include "offline/solve/solver.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/recorded_replay.h"
+#include "offline/studies/robot_fit.h"
 #include "offline/studies/toml_edit.h"
+#include "offline/twin/simulated_robot.h"
 
 namespace tumbler {
 namespace {
@@ -42,14 +48,25 @@ constexpr double kArrival_s = 0.2e-3;  // of a setpoint, on a bus of 1 Mbit/s
 constexpr int kPointsPerSecond = 25;
 /// A robot stands so long before the motion begins in the primitive, and is watched after it.
 constexpr double kStands_s = 0.4, kAfter_s = 0.6;
+/// Of that a fit reads (ReadingSettings::settle_s).
+constexpr double kRead_s = 0.4;
 /// Of the waves of a joint [1/s]. Slower ones move everything together, faster ones do not get far.
 constexpr double kSlowest_hz = 0.8, kFastest_hz = 4.5;
-/// Amplitudes of a motion that are tried, of the largest that is allowed.
-constexpr std::array<double, kLanes> kAmplitudes = {1, 0.75, 0.55, 0.4, 0.3, 0.2, 0.12, 0.07};
+/// Amplitudes of a motion that are tried, the largest first: each is so much of the one before, and
+/// then each of those between the largest that is safe and the next larger one.
+constexpr double kLargest = 1.5, kSmaller = 0.65;
 /// A robot rests again where it began within this [rad].
 constexpr double kBack_rad = 0.05;
 /// Motions that are certified, the most telling first, until one holds.
 constexpr std::size_t kCertified = 8;
+/// Of the search for a motion that tells more: candidates of a generation, and how far from the
+/// drawn motion the first ones are, in units of MotionGenes.
+constexpr int kPopulation = 12;
+constexpr double kFirstSteps = 0.08;
+/// Of a motion that is not safe, and of one that some robots do not bear. Lower is better.
+constexpr double kUnsafe = 1e9, kFalls = 1e6;
+/// Standard deviation of a reading of common drives, by two roundings to 14 and 16 bits [rad].
+constexpr double kReading_rad = 1.6e-4;
 
 /// The task of an excitation: the given one's robot, start, limits and ground, with an end at the
 /// start and no other aim than to rest there.
@@ -94,25 +111,55 @@ struct Shape {
   std::vector<std::array<Wave, 2>> joints;
 };
 
-Shape DrawShape(std::size_t joints, std::uint64_t seed, std::uint64_t index) {
+/// A shape as numbers of size 1, by joint and wave: rate between the slowest and the fastest, phase
+/// in turns, part.
+using MotionGenes = std::vector<double>;
+
+MotionGenes DrawGenes(std::size_t joints, std::uint64_t seed, std::uint64_t index) {
   Normal random(seed, index);
-  Shape shape;
-  shape.joints.resize(joints);
-  const auto hz = [&] {
-    return kSlowest_hz * portable::Power(kFastest_hz / kSlowest_hz, random.DrawUniform());
-  };
+  MotionGenes genes;
   const double together = random.DrawUniform();
-  const std::array<double, 2> both = {hz(), hz()};
+  const std::array<double, 2> both = {random.DrawUniform(), random.DrawUniform()};
   for (std::size_t j = 0; j < joints; ++j) {
     for (std::size_t w = 0; w < 2; ++w) {
-      Shape::Wave& wave = shape.joints[j][w];
       // In a third of the motions all joints move at the same rates: legs sway.
-      wave.hz = together < 1.0 / 3 ? both[w] : hz();
-      wave.phase = 2 * std::numbers::pi * random.DrawUniform();
-      wave.part = (w == 0 ? 1.0 : 0.6) * (0.3 + 0.7 * random.DrawUniform());
+      const double own = random.DrawUniform();
+      genes.push_back(together < 1.0 / 3 ? both[w] : own);
+      genes.push_back(random.DrawUniform());
+      genes.push_back((w == 0 ? 1.0 : 0.6) * (0.3 + 0.7 * random.DrawUniform()));
+    }
+  }
+  return genes;
+}
+
+Shape ShapeOf(const MotionGenes& genes, std::size_t joints) {
+  Shape shape;
+  shape.joints.resize(joints);
+  auto gene = genes.begin();
+  for (auto& waves : shape.joints) {
+    for (Shape::Wave& wave : waves) {
+      wave.hz =
+          kSlowest_hz * portable::Power(kFastest_hz / kSlowest_hz, std::clamp(*gene++, 0., 1.));
+      wave.phase = 2 * std::numbers::pi * *gene++;
+      wave.part = std::clamp(*gene++, 0., 1.);
     }
   }
   return shape;
+}
+
+/// The standard deviation to which a quantity is wanted; 0: to none.
+double WantedDeviation(RobotQuantity::Kind kind) {
+  switch (kind) {
+    case RobotQuantity::Kind::kMass:
+      return 0.022;
+    case RobotQuantity::Kind::kFriction:
+      return 0.0075;
+    case RobotQuantity::Kind::kStiffness:
+    case RobotQuantity::Kind::kDamping:
+      return 0.015;
+    default:
+      return 0;
+  }
 }
 
 /// What a robot did in a motion.
@@ -137,38 +184,27 @@ class Maker {
     drive_.delay_s = kArrival_s;
     lanes_ = LanesOf(RobotVariation{});
     rows_ = DerivativeLimitRows(problem());
+    TakeEarlier();
   }
 
   Excitation Make() {
     Excitation result;
-    struct Candidate {
-      std::vector<double> x;
-      double information;
-    };
-    std::vector<Candidate> candidates;
-    for (int i = 0; i < settings_.candidates && !Interrupted(); ++i) {
-      ++result.tried;
-      const std::vector<double> x =
-          LargestSafe(DrawShape(problem().joints.size(), settings_.seed, Number(i)));
-      if (x.empty()) continue;
-      ++result.safe;
-      candidates.push_back({x, InformationOf(x)});
-    }
-    std::ranges::stable_sort(candidates, [](const Candidate& a, const Candidate& b) {
-      return a.information > b.information;
-    });
-    if (candidates.empty()) {
+    Draw(result);
+    if (found_.empty()) {
       result.cause = fmt::format(
           "none of {} motions is safe for the model, which has to rest where it began; give more "
           "--duration-s, or a task that begins in another pose",
           result.tried);
       return result;
     }
-    for (std::size_t c = 0; c < std::min(kCertified, candidates.size()); ++c) {
+    Improve(result);
+    for (std::size_t c = 0; c < std::min(kCertified, found_.size()); ++c) {
       if (Interrupted()) break;
-      result.information = candidates[c].information;
-      if (Certified(candidates[c].x, result)) return result;
-      Say(fmt::format("motion {} of {}: {}", c + 1, candidates.size(), result.cause));
+      if (Certified(found_[c].motion.x, result)) {
+        TellWhatIsKnown(found_[c].motion, result);
+        return result;
+      }
+      Say(fmt::format("motion {} of {}: {}", c + 1, found_.size(), result.cause));
     }
     return result;
   }
@@ -182,6 +218,62 @@ class Maker {
     if (settings_.say) settings_.say(text);
   }
   static std::uint64_t Number(int i) { return static_cast<std::uint64_t>(i); }
+
+  /// Setpoints of a motion, from the hold before it to the end.
+  using Setpoints = std::vector<std::vector<LaneSetpoint<double>>>;
+  struct Motion {
+    std::vector<double> x;
+    Setpoints setpoints;
+  };
+  struct Candidate {
+    MotionGenes genes;
+    Motion motion;
+    double value = kUnsafe;
+  };
+
+  [[nodiscard]] Candidate Consider(const MotionGenes& genes, Excitation& result) const {
+    Candidate candidate{genes, LargestSafe(ShapeOf(genes, problem().joints.size()))};
+    ++result.tried;
+    if (candidate.motion.x.empty()) return candidate;
+    ++result.safe;
+    candidate.value = ValueOf(candidate.motion.setpoints);
+    return candidate;
+  }
+
+  void Keep(Candidate candidate) {
+    if (candidate.value >= kFalls) return;
+    const auto place = std::ranges::upper_bound(found_, candidate.value, {}, &Candidate::value);
+    found_.insert(place, std::move(candidate));
+    constexpr std::size_t kKept = 32;
+    if (found_.size() > kKept) found_.pop_back();
+  }
+
+  void Draw(Excitation& result) {
+    for (int i = 0; i < settings_.candidates && !Interrupted(); ++i)
+      Keep(Consider(DrawGenes(problem().joints.size(), settings_.seed, Number(i)), result));
+  }
+
+  /// Searches about the best motion that was drawn. What is better than all before it has to be
+  /// borne by the robots that differ, too, so that the search does not end where they fall.
+  void Improve(Excitation& result) {
+    CmaEs search(found_.front().genes, kFirstSteps, kPopulation, settings_.seed);
+    double best = kFalls;
+    for (int g = 0; g < settings_.generations && !Interrupted(); ++g) {
+      std::vector<double> values;
+      for (const MotionGenes& genes : search.Ask()) {
+        Candidate candidate = Consider(genes, result);
+        Excitation of_robots;
+        if (candidate.value < best && !RobotsStay(candidate.motion.setpoints, of_robots))
+          candidate.value = kFalls;
+        best = std::min(best, candidate.value);
+        values.push_back(candidate.value);
+        Keep(std::move(candidate));
+      }
+      search.Tell(values);
+    }
+    if (settings_.generations > 0)
+      Say(fmt::format("{} motions in {} generations", result.tried, settings_.generations));
+  }
 
   static void CheckGiven(const Task& given, const std::string& file) {
     const Problem& problem = given.problem;
@@ -232,6 +324,12 @@ class Maker {
   }
 
   [[nodiscard]] bool KeepsPathLimits(const std::vector<double>& x) const {
+    std::size_t next = 0;
+    for (const ActuatedJoint& joint : problem().joints) {
+      for (int i = 0; i < joint.free_points(); ++i, ++next) {
+        if (std::abs(x[next] - joint.start_rad) > settings_.joint_max_rad) return false;
+      }
+    }
     for (int i = 0; i < static_cast<int>(x.size()); ++i) {
       const Interval<double> bounds = problem().bounds_of_parameter(i);
       if (x[Index(i)] < bounds.min || x[Index(i)] > bounds.max) return false;
@@ -265,12 +363,10 @@ class Maker {
     return splines;
   }
 
-  /// Setpoints of a motion, from the hold before it to the end.
-  using Setpoints = std::vector<std::vector<LaneSetpoint<double>>>;
-  [[nodiscard]] Setpoints SetpointsOf(std::span<const JointMotion<double>::Spline> positions,
-                                      std::span<const JointMotion<double>::Spline> torques) const {
+  [[nodiscard]] static Setpoints SetpointsOf(double duration_s,
+                                             std::span<const JointMotion<double>::Spline> positions,
+                                             std::span<const JointMotion<double>::Spline> torques) {
     Setpoints setpoints;
-    const double duration_s = problem().duration_s;
     const auto ticks = static_cast<int>(std::ceil((duration_s + kAfter_s) / kTick_s - 1e-9));
     for (int k = 0; k < ticks; ++k) {
       const double t = k * kTick_s;
@@ -347,8 +443,27 @@ class Maker {
            played.speed < kRest && played.depth < 0.9;
   }
 
-  /// Parameters of the shape with the largest amplitude that is safe for the model; empty: none is.
-  [[nodiscard]] std::vector<double> LargestSafe(const Shape& shape) const {
+  /// The shape with the largest amplitude that is safe for the model; no parameters: none is.
+  [[nodiscard]] Motion LargestSafe(const Shape& shape) const {
+    Motion best;
+    double largest = kLargest, part = kSmaller;
+    for (int round = 0; round < 2; ++round) {
+      std::array<double, kLanes> amplitudes{};
+      for (double& amplitude : amplitudes) {
+        amplitude = largest;
+        largest *= part;
+      }
+      const auto [motion, amplitude] = LargestSafeOf(shape, amplitudes);
+      if (motion.x.empty()) break;
+      best = motion;
+      part = portable::Power(kSmaller, 1.0 / (kLanes + 1));
+      largest = amplitude / kSmaller * part;
+    }
+    return best;
+  }
+
+  [[nodiscard]] std::pair<Motion, double> LargestSafeOf(
+      const Shape& shape, const std::array<double, kLanes>& amplitudes) const {
     std::array<std::vector<double>, kLanes> x;
     std::array<Setpoints, kLanes> setpoints;
     std::array<LaneRobot<double>, kLanes> robots;
@@ -356,29 +471,77 @@ class Maker {
     std::array<const Setpoints*, kLanes> told{};
     bool any = false;
     for (std::size_t a = 0; a < kLanes; ++a) {
-      x[a] = ParametersOf(shape, settings_.joint_max_rad * kAmplitudes[a]);
+      x[a] = ParametersOf(shape, settings_.joint_max_rad * amplitudes[a]);
       if (!KeepsPathLimits(x[a])) x[a].clear();
       any = any || !x[a].empty();
-      setpoints[a] = SetpointsOf(SplinesOf(x[a].empty() ? ParametersOf(shape, 0) : x[a]), {});
+      setpoints[a] = SetpointsOf(problem().duration_s,
+                                 SplinesOf(x[a].empty() ? ParametersOf(shape, 0) : x[a]), {});
       told[a] = &setpoints[a];
     }
     if (!any) return {};
+    AddFeedForward(setpoints);
     const std::array<Played, kLanes> played = Play(robots, told);
     for (std::size_t a = 0; a < kLanes; ++a) {
       if (x[a].empty() || !Stays(played[a]) || played[a].torque_share > settings_.torque_share)
         continue;
-      return x[a];
+      return {{x[a], setpoints[a]}, amplitudes[a]};
     }
     return {};
   }
 
-  /// log det of the information about all quantities in a record of this motion, by rough steps.
-  [[nodiscard]] double InformationOf(const std::vector<double>& x) const {
+  /// Adds what the model's motors need, as the primitive will have it: by steps of a quarter of a
+  /// tick, the mean of each tick.
+  void AddFeedForward(std::array<Setpoints, kLanes>& setpoints) const {
+    constexpr int kSteps = 4;
+    const std::size_t joints = problem().joints.size(), ticks = setpoints[0].size();
+    std::vector<LaneSetpoint<Packet>> plan(ticks * kSteps * joints);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      for (std::size_t k = 0; k < ticks; ++k) {
+        for (std::size_t j = 0; j < joints; ++j) {
+          const LaneSetpoint<double>& now = setpoints[lane][k][j];
+          const LaneSetpoint<double>& next = setpoints[lane][std::min(k + 1, ticks - 1)][j];
+          for (int i = 0; i < kSteps; ++i) {
+            const double part = (i + 0.5) / kSteps;
+            LaneSetpoint<Packet>& of =
+                plan[(k * kSteps + static_cast<std::size_t>(i)) * joints + j];
+            const double a = (next.velocity - now.velocity) / kTick_s;
+            const double v = now.velocity + a * part * kTick_s;
+            of.position.set_lane(lane, now.position + part * kTick_s * 0.5 * (now.velocity + v));
+            of.velocity.set_lane(lane, v);
+            of.third.set_lane(lane, a);
+          }
+        }
+      }
+    }
+    std::array<LaneRobot<double>, kLanes> robots;
+    robots.fill(lanes_.robot);
+    LaneState<double> start{};
+    std::copy(problem().start_q.begin(), problem().start_q.end(), start.q.begin());
+    std::array<LaneState<double>, kLanes> states;
+    states.fill(start);
+    LaneState<Packet> state = PackLanes<LaneState>(states);
+    LaneWatch<Packet> watch;
+    std::vector<Packet> torques(plan.size());
+    packets().prescribe(lanes_.model, PackLanes<LaneRobot>(robots), kTick_s / kSteps, plan, state,
+                        watch, torques);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      for (std::size_t k = 0; k < ticks; ++k) {
+        for (std::size_t j = 0; j < joints; ++j) {
+          double sum = 0;
+          for (std::size_t i = 0; i < kSteps; ++i)
+            sum += torques[(k * kSteps + i) * joints + j].lane(lane);
+          setpoints[lane][k][j].third = std::isfinite(sum) ? sum / kSteps : 0;
+        }
+      }
+    }
+  }
+
+  /// A record of a robot that is told this, but for its readings.
+  [[nodiscard]] RecordedMotion Imagined(const Setpoints& setpoints,
+                                        const PrimitivePose& start) const {
     RecordedMotion record;
     record.scene = problem().scene;
-    record.start.root_x_m = problem().start_q[0];
-    record.start.root_z_m = problem().start_q[1];
-    record.start.root_pitch_rad = problem().start_q[2];
+    record.start = start;
     record.tick_s = kTick_s;
     for (const ActuatedJoint& joint : problem().joints) {
       RecordedDrive drive;
@@ -386,37 +549,110 @@ class Maker {
       drive.kd = drive_.kd;
       drive.torque_max_nm = joint.limits.torque_max_nm;
       drive.arrival_s = kArrival_s;
-      drive.noise_rad = 1.6e-4;
+      drive.noise_rad = kReading_rad;
       record.joints.push_back(drive);
     }
-    for (const auto& tick : SetpointsOf(SplinesOf(x), {})) {
+    for (const auto& tick : setpoints) {
       auto& of = record.ticks.emplace_back();
       for (const LaneSetpoint<double>& setpoint : tick)
         of.push_back({setpoint, setpoint.position, kArrival_s});
     }
+    const auto unread = static_cast<std::size_t>(std::lround((kAfter_s - kRead_s) / kTick_s));
+    record.ticks.resize(record.ticks.size() - std::min(unread, record.ticks.size()));
     record.begins = static_cast<std::size_t>(std::lround(kStands_s / kTick_s));
-    const RobotPosterior prior = PriorOf(record.scene);
-    const RecordedReplay replay(record, prior.quantities);
-    constexpr double kDifference = 0.02;
-    std::vector<std::vector<double>> robots = {prior.mean};
-    for (std::size_t i = 0; i < prior.size(); ++i) {
-      robots.push_back(prior.mean);
-      robots.back()[i] += kDifference * prior.DeviationOf(i);
+    return record;
+  }
+
+  /// What a record would tell of the quantities, J^T J in units of the prior's deviations, for the
+  /// model with common friction, by rough steps.
+  [[nodiscard]] Eigen::MatrixXd InformationOf(const RecordedMotion& record) const {
+    const RecordedReplay replay(record, prior_.quantities);
+    constexpr double kDifference = 0.02, kDry_nm = 0.02;
+    constexpr int kSteps = 4;
+    std::vector<double> robot = prior_.mean;
+    for (std::size_t i = 0; i < prior_.size(); ++i)
+      if (prior_.quantities[i].kind == RobotQuantity::Kind::kDry) robot[i] = kDry_nm;
+    std::vector<std::vector<double>> robots = {robot};
+    for (std::size_t i = 0; i < prior_.size(); ++i) {
+      robots.push_back(robot);
+      robots.back()[i] += kDifference * prior_.DeviationOf(i);
     }
-    const auto residuals = replay.Play(robots, 4);
-    const auto n = static_cast<Eigen::Index>(prior.size());
+    const auto residuals = replay.Play(robots, kSteps);
+    const auto n = static_cast<Eigen::Index>(prior_.size());
     Eigen::MatrixXd J(static_cast<Eigen::Index>(replay.count()), n);
     for (Eigen::Index i = 0; i < n; ++i) {
       const std::vector<double>& of = residuals.of_robot[static_cast<std::size_t>(i) + 1];
       for (std::size_t row = 0; row < of.size(); ++row)
         J(static_cast<Eigen::Index>(row), i) = (of[row] - residuals.of_robot[0][row]) / kDifference;
     }
-    Eigen::MatrixXd information = J.transpose() * J;
-    information.diagonal().array() += 1;
-    const Eigen::VectorXd pivots = information.ldlt().vectorD();
-    double log_det = 0;
-    for (Eigen::Index i = 0; i < n; ++i) log_det += portable::Log(std::max(pivots[i], 1e-300));
-    return log_det;
+    return J.transpose() * J;
+  }
+
+  /// Of all quantities after a record of this motion and those before it, as far as a quadratic
+  /// function tells.
+  [[nodiscard]] std::vector<double> DeviationsAfter(const Setpoints& setpoints) const {
+    PrimitivePose start;
+    start.root_x_m = problem().start_q[0];
+    start.root_z_m = problem().start_q[1];
+    start.root_pitch_rad = problem().start_q[2];
+    const Eigen::MatrixXd information = before_ + InformationOf(Imagined(setpoints, start));
+    if (!information.allFinite()) return {};
+    const Eigen::Index n = information.rows();
+    const Eigen::MatrixXd covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+    std::vector<double> deviations;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      deviations.push_back(std::sqrt(std::max(0.0, covariance(i, i))) *
+                           prior_.DeviationOf(static_cast<std::size_t>(i)));
+    }
+    return deviations;
+  }
+
+  /// The A-criterion in units of the wanted deviations: what is known worst counts most.
+  [[nodiscard]] double ValueOf(const Setpoints& setpoints) const {
+    const std::vector<double> deviations = DeviationsAfter(setpoints);
+    if (deviations.empty()) return kUnsafe;
+    double squares = 0;
+    for (std::size_t i = 0; i < deviations.size(); ++i) {
+      const double wanted = WantedDeviation(prior_.quantities[i].kind);
+      if (wanted > 0) squares += deviations[i] * deviations[i] / (wanted * wanted);
+    }
+    return squares;
+  }
+
+  void TellWhatIsKnown(const Motion& motion, Excitation& result) const {
+    result.quantities = prior_.quantities;
+    result.deviations = DeviationsAfter(motion.setpoints);
+  }
+
+  /// What is known before the motion: the prior, and what records of earlier motions tell.
+  void TakeEarlier() {
+    RecordedMotion own;
+    own.scene = problem().scene;
+    prior_ = PriorOfRecords(std::span(&own, 1), false).known;
+    const auto n = static_cast<Eigen::Index>(prior_.size());
+    before_ = Eigen::MatrixXd::Identity(n, n);
+    for (const std::string& path : settings_.after) {
+      const SimulatedMotion motion(LoadMotion(path));
+      const PrimitiveFile& first = motion.file().PrimitiveOf(motion.file().graph.start);
+      if (first.provenance.robot_urdf != task_.robot_text) {
+        throw FileError(
+            path, 0, "robot",
+            fmt::format("is another than that of {}; give motions of one URDF", task_.task_file));
+      }
+      if (!(motion.scene().contact == problem().scene.contact)) {
+        throw FileError(path, 0, "contact",
+                        fmt::format("is another ground than that of {}; give motions of tasks with "
+                                    "one [contact]",
+                                    task_.task_file));
+      }
+      std::vector<JointMotion<double>::Spline> positions, torques;
+      for (const JointMotion<double>& joint : first.primitive.motions()) {
+        positions.push_back(joint.position);
+        torques.push_back(joint.torque);
+      }
+      before_ += InformationOf(Imagined(SetpointsOf(first.primitive.duration_s, positions, torques),
+                                        StartOf(motion.file())));
+    }
   }
 
   /// Makes the primitive, and lets robots play it. @returns whether it holds.
@@ -451,7 +687,7 @@ class Maker {
       positions.push_back(joint.position);
       torques.push_back(joint.torque);
     }
-    const Setpoints setpoints = SetpointsOf(positions, torques);
+    const Setpoints setpoints = SetpointsOf(problem().duration_s, positions, torques);
     if (!RobotsStay(setpoints, result)) return false;
     result.joint_rad.clear();
     for (std::size_t j = 0; j < positions.size(); ++j) {
@@ -509,6 +745,9 @@ class Maker {
   LaneDrive drive_;
   LaneScene lanes_;
   std::vector<LinearRow> rows_;
+  RobotPosterior prior_;
+  Eigen::MatrixXd before_;        ///< What is known before, in units of the prior's deviations.
+  std::vector<Candidate> found_;  ///< Safe ones, the best first.
 };
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "common/files/primitive_hash.h"
 #include "common/files/sequence_toml.h"
 #include "firmware_interface/can/frame_length.h"
+#include "firmware_interface/devices/drive_bank.h"
 #include "firmware_interface/devices/mit.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/twin/simulated_robot.h"
@@ -64,6 +65,39 @@ std::pair<double, double> GainsOnWire(const DriveEntry& entry) {
   return {static_cast<double>(kp), static_cast<double>(kd)};
 }
 
+/// Of a drive whose encoder and wire both round downwards. The steps are nearly alike, so that what
+/// the wire rounds away is no noise: it changes slowly with the angle. But an interval of the wire
+/// has one count of the encoder in it.
+class CountReader {
+ public:
+  CountReader(const JointMap& joint, double encoder_rad, double wire_rad)
+      : ratio_(static_cast<double>(joint.direction * joint.gear_ratio)),
+        zero_rad_(static_cast<double>(joint.zero_offset_rad)),
+        step_rad_(encoder_rad >= wire_rad && wire_rad > 0 ? encoder_rad : 0) {}
+  /// Whether counts can be told.
+  [[nodiscard]] bool tells() const { return step_rad_ > 0; }
+  /// What the encoder read where the wire brought this [rad].
+  [[nodiscard]] double Of(double reading_rad) const {
+    if (!tells()) return reading_rad;
+    constexpr double kFloat_rad = 5e-6;  // what single precision leaves of 12.5 rad
+    const double shaft_rad = ratio_ * (reading_rad - zero_rad_);
+    return std::ceil((shaft_rad - kFloat_rad) / step_rad_) * step_rad_ / ratio_ + zero_rad_;
+  }
+
+ private:
+  double ratio_, zero_rad_, step_rad_;
+};
+
+double EncoderStep(const ReadingSettings& settings) {
+  return settings.encoder_counts_per_turn == 0
+             ? 0.0
+             : 2 * std::numbers::pi / settings.encoder_counts_per_turn;
+}
+
+CountReader CountsOf(const DriveEntry& entry, const ReadingSettings& settings) {
+  return {JointOf(entry.config), EncoderStep(settings), WireStep(entry.config)};
+}
+
 RecordedDrive DriveOf(const DriveEntry& entry, double torque_max_nm,
                       const ReadingSettings& settings) {
   RecordedDrive drive;
@@ -72,10 +106,8 @@ RecordedDrive DriveOf(const DriveEntry& entry, double torque_max_nm,
   drive.motor = entry.motor;
   const JointMap& joint = JointOf(entry.config);
   const double per_shaft = 1 / (static_cast<double>(joint.direction * joint.gear_ratio));
-  const double encoder = settings.encoder_counts_per_turn == 0
-                             ? 0.0
-                             : per_shaft * 2 * std::numbers::pi / settings.encoder_counts_per_turn;
-  const double wire = per_shaft * WireStep(entry.config);
+  const double encoder = per_shaft * EncoderStep(settings);
+  const double wire = CountsOf(entry, settings).tells() ? 0.0 : per_shaft * WireStep(entry.config);
   drive.encoder_bias_rad = -0.5 * encoder;
   drive.wire_bias_rad = -0.5 * wire;
   drive.noise_rad = std::sqrt((encoder * encoder + wire * wire) / 12);
@@ -129,6 +161,11 @@ class Reader {
           DriveOf(parts.drives.drives[j], LargestTorqueLimit(parts.file, j), settings_));
     }
     joints_ = result.joints.size();
+    bit_s_ = 1.0 / result.drives.bit_rate;
+    for (const DriveEntry& drive : parts.drives.drives) {
+      if (bank_.Add(drive.config) != Status::kOk) Fail("has drives that cannot be");
+      counts_.push_back(CountsOf(drive, settings_));
+    }
     TakeTicks();
     Choose(result);
     return result;
@@ -142,7 +179,7 @@ class Reader {
   void TakeTicks() {
     const auto entry = std::make_unique<TickEntry>();
     while (record_.Next(*entry)) {
-      if (!kept_.empty()) TakeReplies(*entry, kept_.back());
+      if (!kept_.empty()) TakeReplies(*entry);
       kept_.push_back(Keep(*entry));
     }
   }
@@ -168,19 +205,41 @@ class Reader {
     return kept;
   }
 
-  /// Replies to the setpoints of a tick, which the next one has taken.
-  void TakeReplies(const TickEntry& next, KeptTick& of) const {
-    if (next.tick != of.tick + 1) return;
+  /// Gives what a tick has received to the ticks before it that were answered.
+  void TakeReplies(const TickEntry& next) {
+    if (next.tick != kept_.back().tick + 1) return;
+    std::vector<KeptTick*> answered(joints_, &kept_.back());
     for (std::size_t i = 0; i < next.received_count; ++i) {
       const ReceivedFrame& received = next.received[i];
-      of.reply_bits += FrameBits(received.frame);
-      of.last_reply_ns = std::max(of.last_reply_ns, received.time_ns);
+      KeptTick* of = &kept_.back();
+      for (std::size_t j = 0; j < joints_; ++j) {
+        if (!bank_.drives()[j]->Decode(received.frame)) continue;
+        of = &Answered(received, j);
+        answered[j] = of;
+        break;
+      }
+      of->reply_bits += FrameBits(received.frame);
+      of->last_reply_ns = std::max(of->last_reply_ns, received.time_ns);
     }
     for (std::size_t j = 0; j < joints_; ++j) {
       const JointRecord& joint = next.record.joints[j];
       const bool fresh = joint.reply_age_ticks == 0 && joint.reply_status != ReplyStatus::kRepeated;
-      if (fresh) of.joints[j].reading_rad = static_cast<double>(joint.measured.position_rad);
+      if (!fresh) continue;
+      answered[j]->joints[j].reading_rad =
+          counts_[j].Of(static_cast<double>(joint.measured.position_rad));
     }
+  }
+
+  /// The tick whose setpoint a reply answers: the last one, unless that could not have come to the
+  /// drive and the reply back by then. So it is where a host is late by most of a period.
+  [[nodiscard]] KeptTick& Answered(const ReceivedFrame& received, std::size_t joint) {
+    KeptTick& last = kept_.back();
+    const double bits = last.arrival_bits[joint] +
+                        static_cast<double>(FrameBits(received.frame) - kIntermissionBits);
+    const bool too_early = pace_ * Seconds(received.time_ns - last.send_ns) < bits * bit_s_;
+    if (!too_early || kept_.size() < 2) return last;
+    KeptTick& before = kept_[kept_.size() - 2];
+    return before.tick + 1 == last.tick ? before : last;
   }
 
   /// Of the kept ticks: where the hold before the motion begins, where the motion does, and where
@@ -269,12 +328,11 @@ class Reader {
   /// How much later than the bus needs replies are read.
   void FindLateness(const Parts& parts, RecordedMotion& result) const {
     std::vector<double> late;
-    const double bit_s = 1.0 / result.drives.bit_rate;
     for (std::size_t k = parts.holds; k < parts.end; ++k) {
       const KeptTick& kept = kept_[k];
       if (kept.last_reply_ns != 0) {
         const double bus_s =
-            bit_s * static_cast<double>(kept.host_bits + kept.reply_bits - kIntermissionBits);
+            bit_s_ * static_cast<double>(kept.host_bits + kept.reply_bits - kIntermissionBits);
         late.push_back(pace_ * Seconds(kept.last_reply_ns - kept.send_ns) - bus_s);
       }
     }
@@ -286,7 +344,6 @@ class Reader {
   }
 
   void TakeTicks(const Parts& parts, RecordedMotion& result) {
-    const double bit_s = 1.0 / result.drives.bit_rate;
     std::vector<std::vector<double>> arrivals(joints_);
     std::size_t answered = 0;
     for (std::size_t k = parts.holds; k < parts.end; ++k) {
@@ -294,7 +351,7 @@ class Reader {
       for (std::size_t j = 0; j < joints_; ++j) {
         RecordedJoint& joint = kept.joints[j];
         joint.arrival_s = std::min(pace_ * Seconds(kept.send_ns - kept.deadline_ns) +
-                                       bit_s * kept.arrival_bits[j] + result.late_s,
+                                       bit_s_ * kept.arrival_bits[j] + result.late_s,
                                    result.tick_s);
         arrivals[j].push_back(joint.arrival_s);
         answered += std::isfinite(joint.reading_rad) ? 1 : 0;
@@ -353,6 +410,9 @@ class Reader {
   std::size_t joints_ = 0;
   double pace_ = 1;  ///< Seconds of the robot in a second of the loop's clock.
   std::vector<KeptTick> kept_;
+  DriveBank bank_;  ///< Tells whose replies are.
+  std::vector<CountReader> counts_;
+  double bit_s_ = 0;
 };
 
 }  // namespace

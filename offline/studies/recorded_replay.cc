@@ -18,11 +18,11 @@ struct Replaying {
   static constexpr int kRoughSteps = 4;
   /// What is compared of the hold before the motion.
   static constexpr double kBefore_s = 0.1;
-  /// A drive's own loop: it acts on what it sampled at the beginning of a period, on the average
-  /// half a period ago, and a setpoint takes effect in the next one. 20 kHz is what drives have,
-  /// and the twin.
+  /// A drive's own loop: it acts on what it sampled at the beginning of a period, answers with
+  /// that, and a setpoint takes effect in the next one. 20 kHz is what drives have, and the twin.
+  /// Periods are taken to begin with the tick.
   static constexpr double kDriveLoop_s = 50e-6;
-  /// What lanes at 20 steps in a millisecond are off by, beside the twin.
+  /// What no part of the model says. (Lanes at 20 steps in a millisecond are off by less.)
   static constexpr double kModelNoise_rad = 1e-4;
 };
 constexpr std::size_t kReplayed = Replaying::kLanes;
@@ -31,6 +31,12 @@ constexpr std::size_t kReplayed = Replaying::kLanes;
 double Between(double q0, double v0, double q1, double v1, double h, double part) {
   const double s = part, r = 1 - part;
   return r * r * (1 + 2 * s) * q0 + s * s * (1 + 2 * r) * q1 + h * s * r * (r * v0 - s * v1);
+}
+
+/// When a drive samples the position with which it answers a frame, from the tick on [s].
+double SampledAfter(double arrival_s) {
+  constexpr double kRounding = 1e-6;  // of a period
+  return Replaying::kDriveLoop_s * std::floor(arrival_s / Replaying::kDriveLoop_s + kRounding);
 }
 
 }  // namespace
@@ -70,6 +76,10 @@ void RecordedReplay::FindParts() {
   }
 }
 
+double RecordedReplay::ActsAfter(double arrival_s) const {
+  return std::min(arrival_s + 0.5 * Replaying::kDriveLoop_s, motion_.tick_s);
+}
+
 LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
                                           Sampling& sampling) const {
   RobotVariation variation = VariationOf(motion_.scene, quantities_, coordinates);
@@ -86,7 +96,7 @@ LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
     joint.velocity_filter = variation.joints[j].velocity_filter_s;
     joint.torque_lag = variation.joints[j].torque_lag_s;
     joint.zero_error = variation.joints[j].zero_rad + drive.encoder_bias_rad;
-    joint.delay = std::min(drive.arrival_s + 0.5 * Replaying::kDriveLoop_s, motion_.tick_s);
+    joint.delay = ActsAfter(drive.arrival_s);
     sampling.bias_rad.push_back(joint.zero_error + drive.wire_bias_rad);
   }
   for (std::size_t i = 0; i < quantities_.size(); ++i) {
@@ -114,7 +124,7 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
   for (std::size_t lane = 0; lane < robots.size(); ++lane)
     each[lane] = RobotOf(robots[lane], sampling[lane]);
   for (std::size_t lane = robots.size(); lane < kReplayed; ++lane) each[lane] = each[0];
-  const LaneRobot<Packet> packed = PackLanes<LaneRobot>(each);
+  LaneRobot<Packet> packed = PackLanes<LaneRobot>(each);
   std::array<LaneState<double>, kReplayed> states;
   states.fill(start_);
   LaneState<Packet> state = PackLanes<LaneState>(states);
@@ -135,6 +145,8 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
   // Drives are no faster, however fine the steps are.
   steps.law_every = std::max(
       1, static_cast<int>(std::lround(per_tick * Replaying::kDriveLoop_s / motion_.tick_s)));
+  // Of longer steps the explicit rule would make the most.
+  steps.midpoint = std::lround(motion_.tick_s / Replaying::kDriveLoop_s) <= per_tick;
   const long rests = std::lround(Replaying::kRests_s / motion_.tick_s);
   for (long k = 0; k < rests; ++k)
     kernel.drive(model_, packed, rough, setpoints, held, state, watch);
@@ -151,6 +163,9 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
   for (std::size_t k = 0; k < motion_.ticks.size(); ++k) {
     note(k);
     tell(k);
+    // Frames are not all of one length.
+    for (std::size_t j = 0; j < joints; ++j)
+      packed.joints[j].delay = Packet::Of(ActsAfter(motion_.ticks[k][j].arrival_s));
     const bool counts = k + 2 >= first_;
     kernel.drive(model_, packed, counts ? steps : rough, setpoints, held, state, watch);
   }
@@ -164,8 +179,7 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
       for (std::size_t j = 0; j < joints; ++j, ++i) {
         const RecordedJoint& joint = motion_.ticks[k][j];
         if (!std::isfinite(joint.reading_rad)) continue;
-        const double after_s =
-            joint.arrival_s - 0.5 * Replaying::kDriveLoop_s + sampling[lane].lag_s;
+        const double after_s = SampledAfter(joint.arrival_s) + sampling[lane].lag_s;
         const double ticks = static_cast<double>(k) + after_s / motion_.tick_s;
         const double whole =
             std::clamp(std::floor(ticks), 0.0, static_cast<double>(motion_.ticks.size() - 1));

@@ -53,6 +53,9 @@ class RecordedReplay {
   };
 
   void FindParts();
+  /// The delay of a lane's drive whose setpoint arrives so long after the tick [s]. Lanes ask for
+  /// it in the middle of the drive's period.
+  [[nodiscard]] double ActsAfter(double arrival_s) const;
   LaneRobot<double> RobotOf(std::span<const double> coordinates, Sampling& sampling) const;
   void PlayPacket(std::span<const std::vector<double>> robots, int per_tick,
                   std::span<std::vector<double>> residuals) const;

@@ -379,17 +379,20 @@ Effective FitEffective(Objective& objective, double tick_s, Fitter& fitter, cons
   return effective;
 }
 
-/// Halves the integrator's error of a solution, by a step from the residuals with half the steps.
-/// The drives' loops stay as slow as they are. (Extrapolation to no steps at all loses more by the
-/// noise of impacts than it gains.)
+/// Moves a solution by a step with derivatives in the steps of its residuals.
 void Refine(Objective& objective, const MatrixXd& J, double noise, const FitSettings& settings,
             Found& found) {
-  const VectorXd fine = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
   const double weight = 1 / (noise * noise);
   const MatrixXd A = weight * J.transpose() * J + objective.precision();
-  const VectorXd gradient = weight * J.transpose() * fine + objective.PullOf(found.u);
-  found.u += objective.StepOf(A, gradient, found.u);
-  found.residuals = objective.Residuals({found.u}, 2 * settings.per_tick).col(0);
+  const VectorXd gradient = weight * J.transpose() * found.residuals + objective.PullOf(found.u);
+  const VectorXd u = objective.Allowed(found.u + objective.StepOf(A, gradient, found.u));
+  const VectorXd residuals = objective.Residuals({u}, settings.per_tick).col(0);
+  if (!(objective.ValueOf(residuals, u, noise) <
+        objective.ValueOf(found.residuals, found.u, noise))) {
+    return;
+  }
+  found.u = u;
+  found.residuals = residuals;
 }
 
 /// The objective about a solution, as a quadratic function.

@@ -17,8 +17,8 @@ struct FitSettings {
   /// Fits are begun from the prior's mean, and then, while what was found does not explain the
   /// records, from so many robots that are drawn from it.
   int starts = 4;
-  /// Integration steps in a tick of 1 ms. Residuals take the finer ones: with 4 steps they are off
-  /// by several times the noise.
+  /// Integration steps in a tick of 1 ms. Residuals take the finer ones, which are as long as the
+  /// drives' loop: with 4 steps they are off by several times the noise.
   int per_tick = 20, per_tick_rough = 5;
   /// Noise is taken to be so many times larger, one after the other: far from the solution a path
   /// is no linear function of the robot, and what is exact there leads astray.

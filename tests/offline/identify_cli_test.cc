@@ -47,6 +47,7 @@ class Records {
   Records() {
     ExcitationSettings settings;
     settings.candidates = 6;
+    settings.generations = 0;
     for (const std::string task : {"rise", "stand"}) {
       const Excitation found =
           MakeExcitation(SourcePath("primitives/tasks/" + task + ".toml"), settings);

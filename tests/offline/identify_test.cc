@@ -139,6 +139,46 @@ TEST(HiddenRobot, HasLengthsThatAreKnownToBeUncertain) {
   }
 }
 
+TEST(HiddenRobot, IsToldByAHostThatIsLateByHalfAPeriod) {
+  // The last reply to a tick's setpoints comes after the next tick.
+  testing::HiddenRobot robot = testing::DrawHiddenRobot(Excitations().front().scene(), 11, 2);
+  robot.variation.delay_s = 0.56e-3;
+  const std::vector<RecordedMotion> records = RecordsOf(robot);
+  EXPECT_NEAR(records.front().late_s, 0.56e-3, 1e-5);
+  FitSettings settings;
+  settings.starts = 1;
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
+  EXPECT_FALSE(fit.effective) << fit.chi;
+}
+
+TEST(Excitation, IsBetterWhereItIsSearchedForAndKnowsWhatAnotherTells) {
+  const testing::TemporaryFolder folder;
+  const std::string task = testing::SourcePath("primitives/tasks/stand.toml");
+  ExcitationSettings settings;
+  settings.candidates = 4;
+  settings.generations = 0;
+  settings.robots = 8;
+  const auto friction = [](const Excitation& found) {
+    for (std::size_t i = 0; i < found.quantities.size(); ++i)
+      if (found.quantities[i].kind == Kind::kFriction) return found.deviations[i];
+    ADD_FAILURE() << "its friction is not told";
+    return 0.0;
+  };
+  const Excitation drawn = MakeExcitation(task, settings);
+  ASSERT_TRUE(drawn.file) << drawn.cause;
+  settings.generations = 2;
+  const Excitation searched = MakeExcitation(task, settings);
+  ASSERT_TRUE(searched.file) << searched.cause;
+  EXPECT_GT(searched.tried, drawn.tried);
+  const std::string first = folder / "first.toml";
+  PendingFile(first, ToToml(*drawn.file)).Commit();
+  settings.generations = 0;
+  settings.after = {first};
+  const Excitation second = MakeExcitation(task, settings);
+  ASSERT_TRUE(second.file) << second.cause;
+  EXPECT_LT(friction(second), friction(drawn));
+}
+
 TEST(Identify, RecordsOneAfterTheOtherTellWhatTheyTellTogether) {
   const std::vector<RecordedMotion> records =
       RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 7));
