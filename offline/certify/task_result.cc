@@ -105,8 +105,8 @@ class Looks {
     cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
     return of_motion_.emplace(motion, std::move(look)).first->second;
   }
-  /// How far the gradient of a solution's cost is from differences.
-  GradientCheck GradientAt(Solution solution) {
+  /// The gradient of the cost beside a solution.
+  GradientBeside GradientAt(Solution solution) {
     Problem problem = problem_;
     TakeFree(problem, solution);
     const Motion motion{problem.duration_s, solution.x};
@@ -116,10 +116,10 @@ class Looks {
         return known->second;
     }
     const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
-    const GradientCheck check = CheckGradient(problem, solution.x);
+    GradientBeside beside = DifferentiateBeside(problem, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
     cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
-    return gradients_.emplace(motion, check).first->second;
+    return gradients_.emplace(motion, std::move(beside)).first->second;
   }
   /// The time that all of them took together.
   [[nodiscard]] double cpu_s() const { return cpu_s_; }
@@ -129,7 +129,7 @@ class Looks {
   const Problem& problem_;
   std::mutex mutex_;
   std::map<Motion, FineLook> of_motion_;
-  std::map<Motion, GradientCheck> gradients_;
+  std::map<Motion, GradientBeside> gradients_;
   double cpu_s_ = 0;
 };
 
@@ -201,9 +201,9 @@ void MakeFile(TaskResult& result, Looks& looks) {
         WiderBounds(result.problem()));
     return;
   }
-  const GradientCheck check = looks.GradientAt(best);
+  const GradientBeside beside = looks.GradientAt(best);
   const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
-  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary, check);
+  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary, beside);
   result.look_cpu_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
   file.purpose = result.look.purpose;
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
@@ -337,7 +337,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   // From a guess, another motion than the one near it would not be an answer.
   if (!settings.minima && !problem.robust && !problem.space && !guessed) {
     options.calm = [&](const Solution& solution) {
-      return looks.GradientAt(solution).relative_error() <= kDoubtfulGradient;
+      return looks.GradientAt(solution).check.relative_error() <= kDoubtfulGradient;
     };
   }
   result.outcome =
