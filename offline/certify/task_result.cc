@@ -6,6 +6,7 @@
 #include <chrono>
 #include <ctime>
 #include <functional>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <utility>
@@ -223,6 +224,38 @@ void MakeFile(TaskResult& result, Looks& looks) {
       file.certificate.constraint_violation);
 }
 
+/// Makes files of motions that pass the second look while the search goes on.
+class InterimFiles {
+ public:
+  InterimFiles(const Task& task, Looks& looks, std::function<void(const PrimitiveFile&)> take)
+      : task_(task), looks_(looks), take_(std::move(take)) {}
+
+  /// Makes the file of a motion, unless it costs as much as one before.
+  void Take(const Solution& solution) {
+    if (!(solution.rollout.cost < least_)) return;
+    if (!KeepsLimits(task_.problem, solution)) return;
+    const FineLook fine = looks_.At(solution);
+    if (!fine.look.acceptable()) return;
+    Task task = task_;
+    Solution found = solution;
+    TakeFree(task.problem, found);
+    SolveOutcome so_far;
+    so_far.evaluations = solution.evaluations;
+    PrimitiveFile file =
+        MakePrimitiveFile(task, so_far, found, fine.summary, looks_.GradientAt(solution));
+    if (file.certificate.constraint_violation > kNoViolation) return;
+    file.purpose = fine.look.purpose;
+    least_ = solution.rollout.cost;
+    take_(file);
+  }
+
+ private:
+  const Task& task_;
+  Looks& looks_;
+  std::function<void(const PrimitiveFile&)> take_;
+  double least_ = std::numeric_limits<double>::infinity();
+};
+
 void ListMinima(TaskResult& result, Looks& looks) {
   result.minima = DistinctMinima(result.outcome.solutions);
   for (const LocalMinimum& minimum : result.minima) {
@@ -334,6 +367,9 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
+  InterimFiles interim(result.task, looks, settings.interim);
+  if (settings.interim && !settings.minima && !problem.robust && !problem.space)
+    options.interim = [&interim](const Solution& solution) { interim.Take(solution); };
   // From a guess, another motion than the one near it would not be an answer.
   if (!settings.minima && !problem.robust && !problem.space && !guessed) {
     options.calm = [&](const Solution& solution) {

@@ -731,8 +731,8 @@ TEST(OptimizeCliInterrupt, DuringTheSearchNothingIsKept) {
 TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
   const TaskFolder folder(EndlessLocalSolves());
   const auto before = folder.Listing();
-  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--report",
-                                      folder / "report", "--json", folder / "figures.json"});
+  Program program =
+      Optimize(folder, {"--report", folder / "report", "--json", folder / "figures.json"});
   ASSERT_TRUE(program.WaitFor("solve ")) << program.text();
   program.Signal(SIGINT);
   EXPECT_EQ(program.Wait(), 130) << program.text();
@@ -740,6 +740,22 @@ TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
               HasSubstr("interrupted: what was found so far is dropped (--keep-best keeps a "
                         "motion that is as asked); no file was written"));
   EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCliInterrupt, AMotionThatIsAsAskedIsThereWhileAProofIsLookedForAndStaysThere) {
+  const TaskFolder folder(EndlessLocalSolves());
+  const std::string out = folder / "motion.toml";
+  Program program = Optimize(folder, {"--out", out, "--json", folder / "figures.json", "--prove"});
+  ASSERT_TRUE(program.WaitFor("interim: objective ")) << program.text();
+  const PrimitiveFile meanwhile = LoadPrimitive(out);
+  EXPECT_EQ(meanwhile.certificate.constraint_violation, 0);
+  EXPECT_TRUE(meanwhile.certificate.kkt_residual.has_value());
+  for (const PurposeFigure& figure : meanwhile.purpose) EXPECT_TRUE(figure.met()) << figure.name();
+  program.Signal(SIGINT);
+  EXPECT_EQ(program.Wait(), 130) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("the interim motion in " + out + " stands"));
+  EXPECT_LE(LoadPrimitive(out).provenance.objective, meanwhile.provenance.objective);
+  EXPECT_FALSE(std::filesystem::exists(folder / "figures.json"));
 }
 
 TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
