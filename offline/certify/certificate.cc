@@ -23,6 +23,7 @@
 #include "offline/problem/take_free.h"
 #include "offline/solve/forward_sensitivity.h"
 #include "offline/solve/free_paths.h"
+#include "offline/solve/lane_rollout.h"
 #include "offline/solve/solve_near.h"
 #include "offline/solve/start_state.h"
 
@@ -47,14 +48,36 @@ void SetRates(const std::array<double, 3>& rates, PrimitivePose& pose) {
   pose.root_pitch_rad_s = rates[2];
 }
 
-/// Rollouts like those that the solver ended with for a motion, and with each step halved. In space
-/// it ends with equal steps, elsewhere with those that bound the error.
+/// The steps that the solver ends with for a motion: in space equal ones, elsewhere those that
+/// bound the error.
+std::optional<StepGrid> SolvedGrid(const Problem& problem, const std::vector<double>& x) {
+  if (problem.space) return std::nullopt;
+  return StepsFor(problem, x);
+}
+
+/// Rollouts with such steps, and with each step halved.
 class SolvedSteps {
  public:
-  SolvedSteps(const Problem& problem, const std::vector<double>& x) : problem_(problem) {
-    if (!problem.space) grid_ = StepsFor(problem, x);
-  }
+  SolvedSteps(const Problem& problem, std::optional<StepGrid> grid)
+      : problem_(problem), grid_(std::move(grid)) {}
   [[nodiscard]] Rollout AsSolved() const { return With(problem_.solver.step_s, grid_); }
+  /// The costs of motions that take the same steps.
+  [[nodiscard]] std::vector<double> Costs(std::span<const std::vector<double>> x) const {
+    std::vector<double> costs;
+    if (LaneRollout::WhyNot(problem_)) {
+      Rollout rollout = AsSolved();
+      for (const std::vector<double>& motion : x) costs.push_back(rollout.Run(motion).cost);
+      return costs;
+    }
+    LaneRollout lanes =
+        grid_ ? LaneRollout(problem_, *grid_)
+              : LaneRollout(problem_, problem_.solver.step_s, LanePlan::Scheme::kRungeKutta);
+    for (std::size_t first = 0; first < x.size(); first += Packet::kLanes) {
+      const auto packet = x.subspan(first, std::min(Packet::kLanes, x.size() - first));
+      for (const RolloutResult& result : lanes.Run(packet, false)) costs.push_back(result.cost);
+    }
+    return costs;
+  }
   [[nodiscard]] Rollout Finer() const {
     return With(problem_.solver.step_s / 2, grid_ ? std::optional(Halved(*grid_)) : std::nullopt);
   }
@@ -170,31 +193,43 @@ double SettlingAfter(const Problem& problem) {
   return std::max(0.0, ExitAfter(problem) - problem.settle_s);
 }
 
-GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
-                              const std::vector<double>& at, const std::vector<double>& gradient) {
+GradientCheck CompareGradient(const CostsOf& costs, const std::vector<double>& at,
+                              const std::vector<double>& gradient) {
   double largest = 0;
   for (const double component : gradient) largest = std::max(largest, std::abs(component));
   const std::vector<std::vector<double>> directions = DifferenceDirections(at.size());
+  const auto size = [](const std::vector<double>& direction) {
+    double sum = 0;
+    for (const double component : direction) sum += std::abs(component);
+    return sum;
+  };
+  // The whole displacement has the length of the step.
+  const auto distance = [&](double step, const std::vector<double>& direction) {
+    return step / std::sqrt(size(direction));
+  };
+  std::vector<std::vector<double>> points;
+  for (const double step : GradientCheck::kSteps) {
+    for (const std::vector<double>& direction : directions) {
+      for (const double sign : {1.0, -1.0}) {
+        std::vector<double>& x = points.emplace_back(at);
+        for (std::size_t i = 0; i < at.size(); ++i) {
+          if (direction[i] != 0) x[i] += sign * distance(step, direction) * direction[i];
+        }
+      }
+    }
+  }
+  const std::vector<double> cost = costs(points);
   GradientCheck check;
+  std::size_t point = 0;
   for (std::size_t s = 0; s < check.errors.size(); ++s) {
     double worst = 0, scale = largest;
     for (const std::vector<double>& direction : directions) {
-      double slope = 0, moved = 0;
-      for (std::size_t i = 0; i < at.size(); ++i) {
-        slope += direction[i] * gradient[i];
-        moved += std::abs(direction[i]);
-      }
-      // The whole displacement has the length of the step.
-      const double step = GradientCheck::kSteps[s] / std::sqrt(moved);
-      const auto cost_at = [&](double distance) {
-        std::vector<double> x = at;
-        for (std::size_t i = 0; i < at.size(); ++i) {
-          if (direction[i] != 0) x[i] += distance * direction[i];
-        }
-        return cost(x);
-      };
-      const double difference = (cost_at(step) - cost_at(-step)) / (2 * step);
-      scale = std::max(scale, std::abs(difference) / moved);
+      double slope = 0;
+      for (std::size_t i = 0; i < at.size(); ++i) slope += direction[i] * gradient[i];
+      const double difference =
+          (cost[point] - cost[point + 1]) / (2 * distance(GradientCheck::kSteps[s], direction));
+      point += 2;
+      scale = std::max(scale, std::abs(difference) / size(direction));
       const double wrong = std::abs(difference - slope);
       // std::max would pass over one that is not a number.
       worst =
@@ -206,23 +241,25 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
   return check;
 }
 
-GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
-  const std::vector<double> at = BesideTheOptimum(x);
-  Rollout rollout = SolvedSteps(problem, at).AsSolved();
-  return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
-                         at, CostGradient(rollout, at));
+GradientBeside DifferentiateBeside(const Problem& problem, const std::vector<double>& x) {
+  GradientBeside beside;
+  beside.at = BesideTheOptimum(x);
+  beside.grid = SolvedGrid(problem, beside.at);
+  const SolvedSteps steps(problem, beside.grid);
+  Rollout rollout = steps.AsSolved();
+  beside.gradient = CostGradient(rollout, beside.at);
+  beside.check = CompareGradient(
+      [&steps](std::span<const std::vector<double>> points) { return steps.Costs(points); },
+      beside.at, beside.gradient);
+  return beside;
 }
 
-double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x) {
-  const std::vector<double> at = BesideTheOptimum(x);
-  const SolvedSteps steps(problem, at);
-  Rollout rollout = steps.AsSolved();
-  Rollout finer = steps.Finer();
-  const std::vector<double> gradient = CostGradient(rollout, at);
-  const std::vector<double> reference = CostGradient(finer, at);
+double GradientStepHalvingChange(const Problem& problem, const GradientBeside& beside) {
+  Rollout finer = SolvedSteps(problem, beside.grid).Finer();
+  const std::vector<double> reference = CostGradient(finer, beside.at);
   double change = 0, scale = 0;
-  for (std::size_t i = 0; i < at.size(); ++i) {
-    change = std::max(change, std::abs(gradient[i] - reference[i]));
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    change = std::max(change, std::abs(beside.gradient[i] - reference[i]));
     scale = std::max(scale, std::abs(reference[i]));
   }
   return scale > 0 ? change / scale : change;
@@ -386,12 +423,12 @@ double LargestExcess(const Primitive<double>& primitive, const MotionSummary& su
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution) {
   return MakePrimitiveFile(task, outcome, solution, Summarize(task.problem, solution.x),
-                           CheckGradient(task.problem, solution.x));
+                           DifferentiateBeside(task.problem, solution.x));
 }
 
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution, const MotionSummary& summary,
-                                const GradientCheck& check) {
+                                const GradientBeside& beside) {
   const Problem& problem = task.problem;
   PrimitiveFile file;
   Primitive<double>& primitive = file.primitive;
@@ -416,16 +453,17 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   file.contacts = summary.contacts;
 
   Certificate& certificate = file.certificate;
+  const GradientCheck& check = beside.check;
   certificate.gradient_error = Finite(check.relative_error());
   certificate.gradient_difference_steps_rad = GradientCheck::kSteps;
   std::transform(check.errors.begin(), check.errors.end(), certificate.gradient_errors.begin(),
                  Finite);
-  certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, solution.x));
+  certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, beside));
   certificate.projected_gradient = solution.kkt.absolute;
   if (const auto kkt = FinerKktResidual(problem, solution.x))
     certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);
-  const SolvedSteps steps(problem, solution.x);
+  const SolvedSteps steps(problem, SolvedGrid(problem, solution.x));
   certificate.step_halving_error_rad = Apart(FinalRoot(problem, solution.x, steps.AsSolved()),
                                              FinalRoot(problem, solution.x, steps.Finer()));
   if (problem.target_pitch_rad)

@@ -6,12 +6,14 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "common/files/primitive_toml.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/motion_sample.h"
 #include "offline/scene/self_clearance.h"
+#include "offline/scene/step_grid.h"
 #include "offline/solve/constraints.h"
 #include "offline/solve/solver.h"
 
@@ -38,20 +40,33 @@ struct GradientCheck {
 /// hair; and SLSQP's line search relies on that slope.
 inline constexpr double kDoubtfulGradient = 1e-3;
 
+/// Computes the costs of points.
+using CostsOf = std::function<std::vector<double>(std::span<const std::vector<double>>)>;
+
 /// Compares a gradient with central differences of three steps: along each component where there
 /// are up to four, else along four directions in which every component goes forwards or backwards
 /// by the step.
-GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
-                              const std::vector<double>& at, const std::vector<double>& gradient);
+/// @param costs  is called once, with all points.
+GradientCheck CompareGradient(const CostsOf& costs, const std::vector<double>& at,
+                              const std::vector<double>& gradient);
 
-/// Compares the gradient of a problem's cost near `x`: each parameter is moved by 0.001 rad, with
-/// alternating sign. At the optimum itself the gradient is zero, and a relative error would say
-/// nothing.
-GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
+/// The gradient of a problem's cost beside a motion, and what differences say of it.
+struct GradientBeside {
+  /// The motion, with each parameter moved by 0.001 rad, with alternating sign. At the optimum
+  /// itself the gradient is zero, and a relative error would say nothing.
+  std::vector<double> at;
+  std::vector<double> gradient;
+  std::optional<StepGrid> grid;  ///< Of the steps that are chosen there; none in space: equal ones.
+  GradientCheck check;
+};
 
-/// Relative change of the cost's gradient, at the point of CheckGradient, when the integration step
-/// is halved. It measures the error of the step, as GradientCheck does that of the differentiation.
-double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x);
+/// The gradient is the adjoint's. Costs for the differences are simulated with the same steps, in
+/// lanes where these cover the problem.
+GradientBeside DifferentiateBeside(const Problem& problem, const std::vector<double>& x);
+
+/// Relative change of the cost's gradient when the integration step is halved. It measures the
+/// error of the step, as GradientCheck does that of the differentiation.
+double GradientStepHalvingChange(const Problem& problem, const GradientBeside& beside);
 
 /// Shapes that are nearer than the clearance by less than this are not: so much is rounding.
 inline constexpr double kClearanceTolerance_m = 1e-6;
@@ -72,6 +87,10 @@ inline constexpr double kSpaceRefinement = 4;
 inline double RefinementOf(const Problem& problem) {
   return problem.space ? kSpaceRefinement : kRefinement;
 }
+/// After the settle phase, where joints are held and a robot rocks or comes to rest, steps in the
+/// plane are so many times as long as before: a quarter of `solver.step_s`, as long as those of a
+/// foot that lands where drives play the motion.
+inline constexpr double kHeldLonger = 4;
 
 /// Calls visit(sample, own, least) at every step of a motion, until SettlingAfter its end.
 /// @param visit  gets a MotionSample or a SpaceSample, the nearest of the robot's own shapes
@@ -97,7 +116,8 @@ void VisitWithOwnDistance(const Problem& problem, const std::vector<double>& x, 
                          with(SpaceSelfDistances(scene.robot, scene.self_contact.All())));
   } else {
     rollout.Visit(x, SettlingAfter(problem),
-                  with(SelfDistances(problem.scene.robot, problem.scene.self_contact.All())));
+                  with(SelfDistances(problem.scene.robot, problem.scene.self_contact.All())),
+                  kHeldLonger * step_s);
   }
 }
 
@@ -186,9 +206,9 @@ MotionSummary Summarize(Problem problem, std::vector<double> x);
 /// entry, exit, contact timeline, certificate, provenance.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution);
-/// The same with the motion's summary and CheckGradient, where they are known already.
+/// The same with what DifferentiateBeside and a look at the motion have found.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution, const MotionSummary& summary,
-                                const GradientCheck& check);
+                                const GradientBeside& beside);
 
 }  // namespace tumbler

@@ -106,8 +106,8 @@ class Looks {
     cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
     return of_motion_.emplace(motion, std::move(look)).first->second;
   }
-  /// How far the gradient of a solution's cost is from differences.
-  GradientCheck GradientAt(Solution solution) {
+  /// The gradient of the cost beside a solution.
+  GradientBeside GradientAt(Solution solution) {
     Problem problem = problem_;
     TakeFree(problem, solution);
     const Motion motion{problem.duration_s, solution.x};
@@ -117,10 +117,10 @@ class Looks {
         return known->second;
     }
     const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
-    const GradientCheck check = CheckGradient(problem, solution.x);
+    GradientBeside beside = DifferentiateBeside(problem, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
     cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
-    return gradients_.emplace(motion, check).first->second;
+    return gradients_.emplace(motion, std::move(beside)).first->second;
   }
   /// The time that all of them took together.
   [[nodiscard]] double cpu_s() const { return cpu_s_; }
@@ -130,7 +130,7 @@ class Looks {
   const Problem& problem_;
   std::mutex mutex_;
   std::map<Motion, FineLook> of_motion_;
-  std::map<Motion, GradientCheck> gradients_;
+  std::map<Motion, GradientBeside> gradients_;
   double cpu_s_ = 0;
 };
 
@@ -202,9 +202,9 @@ void MakeFile(TaskResult& result, Looks& looks) {
         WiderBounds(result.problem()));
     return;
   }
-  const GradientCheck check = looks.GradientAt(best);
+  const GradientBeside beside = looks.GradientAt(best);
   const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
-  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary, check);
+  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary, beside);
   result.look_cpu_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
   file.purpose = result.look.purpose;
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
@@ -223,6 +223,38 @@ void MakeFile(TaskResult& result, Looks& looks) {
       "mistake of the program, please report it",
       file.certificate.constraint_violation);
 }
+
+/// Makes files of motions that pass the second look while the search goes on.
+class InterimFiles {
+ public:
+  InterimFiles(const Task& task, Looks& looks, std::function<void(const PrimitiveFile&)> take)
+      : task_(task), looks_(looks), take_(std::move(take)) {}
+
+  /// Makes the file of a motion, unless it costs as much as one before.
+  void Take(const Solution& solution) {
+    if (!(solution.rollout.cost < least_)) return;
+    if (!KeepsLimits(task_.problem, solution)) return;
+    const FineLook fine = looks_.At(solution);
+    if (!fine.look.acceptable()) return;
+    Task task = task_;
+    Solution found = solution;
+    TakeFree(task.problem, found);
+    SolveOutcome so_far;
+    so_far.evaluations = solution.evaluations;
+    PrimitiveFile file =
+        MakePrimitiveFile(task, so_far, found, fine.summary, looks_.GradientAt(solution));
+    if (file.certificate.constraint_violation > kNoViolation) return;
+    file.purpose = fine.look.purpose;
+    least_ = solution.rollout.cost;
+    take_(file);
+  }
+
+ private:
+  const Task& task_;
+  Looks& looks_;
+  std::function<void(const PrimitiveFile&)> take_;
+  double least_ = std::numeric_limits<double>::infinity();
+};
 
 void ListMinima(TaskResult& result, Looks& looks) {
   result.minima = DistinctMinima(result.outcome.solutions);
@@ -335,10 +367,13 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
+  InterimFiles interim(result.task, looks, settings.interim);
+  if (settings.interim && !settings.minima && !problem.robust && !problem.space)
+    options.interim = [&interim](const Solution& solution) { interim.Take(solution); };
   // From a guess, another motion than the one near it would not be an answer.
   if (!settings.minima && !problem.robust && !problem.space && !guessed) {
     options.calm = [&](const Solution& solution) {
-      return looks.GradientAt(solution).relative_error() <= kDoubtfulGradient;
+      return looks.GradientAt(solution).check.relative_error() <= kDoubtfulGradient;
     };
   }
   result.outcome =

@@ -65,6 +65,10 @@ struct WorkSettings {
   std::atomic<bool>* interrupt = nullptr;
   /// Told of every evaluation, as SolveOptions::progress; empty: standard error is.
   std::function<void(const Evaluation&)> progress;
+  /// Gets the file of a motion that passes the second look while the work goes on, and then of each
+  /// that costs less; empty: nobody asks, and no such file is made. From any thread but by one at a
+  /// time.
+  std::function<void(const PrimitiveFile&)> interim;
 };
 
 /// Solves the task and makes the primitive's file.

@@ -194,6 +194,20 @@ void NoteStandingGuess(const Arguments& arguments, const TaskResult& result) {
       arguments.posterior, result.task.guess_file);
 }
 
+/// Writes a motion that is as asked while the work on it goes on, and says how near to a minimum it
+/// is.
+void WriteInterim(const PrimitiveFile& file, const Arguments& arguments) {
+  const std::string text = ToToml(file);
+  ParsePrimitive(text, "the interim primitive");  // The text must read back.
+  PendingFile(arguments.out, text).Commit();
+  if (arguments.quiet) return;
+  const std::optional<double>& residual = file.certificate.kkt_residual;
+  fmt::print(stderr, "interim: objective {:.6g}, {}, in {}; goes on\n", file.provenance.objective,
+             residual ? fmt::format("Kuhn-Tucker residual {:.1e}", *residual)
+                      : "of unknown distance from a minimum",
+             arguments.out);
+}
+
 ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
   std::vector<Task> tasks = LoadFromGuesses(arguments);
@@ -218,21 +232,33 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
   std::atomic<bool>& end_requested = EndOnSignals();
-  const WorkSettings settings = SettingsOf(arguments, end_requested);
+  WorkSettings settings = SettingsOf(arguments, end_requested);
+  bool interim = false;  // whether a motion was written
+  if (!arguments.out.empty() && !IsDevice(arguments.out)) {
+    settings.interim = [&](const PrimitiveFile& file) {
+      WriteInterim(file, arguments);
+      interim = true;
+    };
+  }
   TaskResult result = tasks.size() > 1 ? WorkOnGuesses(std::move(tasks), settings)
                                        : WorkOn(std::move(tasks.front()), settings);
   if (arguments.minima > 0) PrintMinima(people, result);
+  const auto nothing_more = [&] {
+    return interim ? fmt::format("the interim motion in {} stands", arguments.out)
+                   : "no file was written";
+  };
   const auto drop = [&] {
-    fmt::print(stderr, "interrupted: {}; no file was written\n",
+    fmt::print(stderr, "interrupted: {}; {}\n",
                arguments.keep_best ? "no motion was found so far: " + result.cause
                                    : "what was found so far is dropped (--keep-best keeps a "
-                                     "motion that is as asked)");
+                                     "motion that is as asked)",
+               nothing_more());
     return ExitStatus::kInterrupted;
   };
   if (result.outcome.interrupted) {
     if (!result.file) return drop();
   } else if (!result.usable) {
-    fmt::print(stderr, "no motion was found: {}\nno file was written\n", result.cause);
+    fmt::print(stderr, "no motion was found: {}\n{}\n", result.cause, nothing_more());
     return ExitStatus::kRefused;
   }
 

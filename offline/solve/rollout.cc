@@ -48,7 +48,8 @@ struct Engine {
 
 template <class Space>
 void VisitSteps(Propagation<Space>& forward, std::span<const double> x, double extra_s,
-                const std::function<void(const MotionSampleIn<Space>&)>& visitor) {
+                const std::function<void(const MotionSampleIn<Space>&)>& visitor,
+                double extra_step_s = 0) {
   using State = typename SceneDynamicsIn<Space>::State;
   SceneDynamicsIn<Space>& robot = forward.robot;
   if (!forward.SetMotion(x))
@@ -73,7 +74,7 @@ void VisitSteps(Propagation<Space>& forward, std::span<const double> x, double e
       table.settles()
           ? *std::max_element(table.length.begin() + table.motion_steps, table.length.end())
           : forward.longest_step_s;
-  const EvenSteps extra(extra_s, settle_step_s);
+  const EvenSteps extra(extra_s, extra_step_s > 0 ? extra_step_s : settle_step_s);
   const int steps = table.steps() + extra.count;
   const auto step_on = [&]<const Tableau & kScheme>(int step, double h) {
     StepRungeKutta<kScheme>(y, 2 * robot.free.size(), h, [&](int s, const State& y_s, double* k) {
@@ -86,7 +87,7 @@ void VisitSteps(Propagation<Space>& forward, std::span<const double> x, double e
   };
   double held_s = 0;  // since the end of the motion
   for (int step = 0; step <= steps; ++step) {
-    const double h = step < table.steps() ? table.length[Index(step)] : settle_step_s;
+    const double h = step < table.steps() ? table.length[Index(step)] : extra.step_s;
     sample.time_s = forward.motion.duration_s() + held_s;
     if (step < table.motion_steps) {
       sample.time_s = table.time[Index(table.PointOf(step, 0))];
@@ -164,8 +165,8 @@ void Rollout::Use(const StepGrid& grid) {
 }
 
 void Rollout::Visit(std::span<const double> x, double extra_s,
-                    const std::function<void(const MotionSample&)>& visitor) {
-  VisitSteps(implementation_->plane->propagation, x, extra_s, visitor);
+                    const std::function<void(const MotionSample&)>& visitor, double extra_step_s) {
+  VisitSteps(implementation_->plane->propagation, x, extra_s, visitor, extra_step_s);
 }
 
 void Rollout::VisitInSpace(std::span<const double> x, double extra_s,

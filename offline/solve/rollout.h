@@ -81,9 +81,10 @@ class Rollout {
 
   /// Visits the motion step by step, from 0 to the end of the settle phase and `extra_s` beyond.
   /// After the motion itself the joints are held at their ends.
+  /// @param extra_step_s  the longest step after the settle phase; 0: as in it.
   /// @pre the problem is one in the plane.
   void Visit(std::span<const double> x, double extra_s,
-             const std::function<void(const MotionSample&)>& visitor);
+             const std::function<void(const MotionSample&)>& visitor, double extra_step_s = 0);
   /// The same of a problem in space.
   void VisitInSpace(std::span<const double> x, double extra_s,
                     const std::function<void(const SpaceSample&)>& visitor);

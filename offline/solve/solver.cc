@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <span>
 
 #include "common/core/index.h"
@@ -65,11 +66,13 @@ constexpr double kPriceOfSensitivities = 3;
 /// A screening in lanes takes as many evaluations more than one with SLSQP, each of which is
 /// cheaper.
 constexpr int kLaneEvaluations = 2;
-/// What was screened in lanes goes on in them with the adaptive steps of where it is, which are
-/// chosen anew so many times, with so many evaluations each, and to this many times the residual
-/// that is wanted.
-constexpr int kGridRounds = 3, kGridEvaluations = 32;
+/// What was screened in lanes goes on in them with the adaptive steps of where it is. These are
+/// chosen anew so many times, and a few times more while it gets somewhere, with so many
+/// evaluations each, and to this many times the residual that is wanted.
+constexpr int kFirstGridRounds = 3, kGridRounds = 8, kGridEvaluations = 64;
 constexpr double kNearlyOnGrid = 2;
+/// After so many evaluations with the final steps it is looked whether a motion is as asked.
+constexpr int kFirstLook = 24;
 /// So much work is never too dear for a proof: evaluations of the dynamics of packets, half a
 /// second to one.
 constexpr double kWorkOfAProof = 1.5e6;
@@ -241,6 +244,7 @@ class Campaign {
     const std::size_t first = solutions_.size();
     solutions_.resize(first + order.size());
     histories_.resize(solutions_.size());
+    progress_.resize(solutions_.size());
     for (std::size_t k = 0; k < order.size(); ++k) {
       solutions_[first + k].start = static_cast<int>(first + k);
       solutions_[first + k].x = starts_.Draw(order[k]);
@@ -316,51 +320,129 @@ class Campaign {
           next.push_back(&solution);
       }
       if (next.empty()) return;
-      std::stable_sort(next.begin(), next.end(),
-                       [](const Solution* a, const Solution* b) { return Better(*a, *b); });
+      std::stable_sort(next.begin(), next.end(), [this](const Solution* a, const Solution* b) {
+        const bool a_later = progress_[Index(a->start)].put_off;
+        return a_later != progress_[Index(b->start)].put_off ? !a_later : Better(*a, *b);
+      });
       const int before = tried();
       next.resize(std::min({next.size(), Index(missing()), Index(tries_left())}));
       ParallelFor(static_cast<int>(next.size()), options_.threads, [&](int k, int thread) {
         Solution& solution = *next[Index(k)];
-        SolveToEnd(solution, rollouts[Index(thread)], before);
+        if (!SolveToEnd(solution, rollouts[Index(thread)], before)) return;
         solution.finished = true;
         const bool counts = candidates == Candidates::kAll || IsPromising(solution, limit);
         if (options_.accept && solution.feasible() && counts && !interrupted())
           solution.refused = !options_.accept(solution);
+        const std::optional<Solution>& as_asked = progress_[Index(solution.start)].as_asked;
+        if (as_asked && (!solution.feasible() || solution.refused) && !interrupted())
+          GoBack(*as_asked, solution);
         if (options_.calm && solution.feasible() && !solution.refused && counts && !interrupted())
           solution.beside_cliff = !options_.calm(solution);
       });
+      if (missing() == 0) return;
+      for (const Solution* solution : next) {
+        if (solution->finished && solution->feasible() && !solution->refused) Tell(*solution);
+      }
     }
   }
 
-  /// Solves a screened motion with the final steps: to a minimum, or as far as it is worth while.
-  /// @param before  how many were solved before it.
-  void SolveToEnd(Solution& solution, NearRollouts& rollouts, int before) {
+  /// Takes a motion as it was before it was solved on, with the evaluations of what followed.
+  static void GoBack(const Solution& known, Solution& solution) {
+    const int evaluations = solution.evaluations;
+    solution = known;
+    solution.evaluations = evaluations;
+    solution.finished = true;
+  }
+
+  /// What is known of a start besides its Solution, where lanes cover the problem.
+  struct Progress {
+    bool in_lanes = false;  ///< Whether it was solved on in lanes.
+    bool put_off = false;   ///< Whether what came of the first evaluations is not as asked.
+    int evaluations = 0;    ///< That it may still take with the final steps.
+    double left = 0;        ///< Evaluations of the dynamics that it may still take for a proof.
+    NearMemory memory;      ///< Of the solve with the final steps.
+    /// What came of the first evaluations, where it is as asked.
+    std::optional<Solution> as_asked;
+  };
+
+  /// Solves a screened motion to a minimum, or as far as it is worth while. After some evaluations
+  /// with the final steps it looks whether the motion is as asked. If it is not, it may be so in
+  /// the end, but it is put off: the next motion is there sooner.
+  /// @param before  how many were solved to their end before it.
+  /// @returns whether it was.
+  bool SolveToEnd(Solution& solution, NearRollouts& rollouts, int before) {
+    Progress& progress = progress_[Index(solution.start)];
     NearLimits limits;
-    limits.max_evaluations = std::max(1, problem_.solver.max_evaluations - screened(solution));
+    if (progress.evaluations == 0)
+      progress.evaluations = std::max(1, problem_.solver.max_evaluations - screened(solution));
+    limits.max_evaluations = progress.evaluations;
     limits.confirm = problem_.solver.prove;
+    const double price = kPriceOfSensitivities * PacketEvaluations(problem_.solver.step_s);
     if (!lanes_.empty()) {
-      const double price = kPriceOfSensitivities * PacketEvaluations(problem_.solver.step_s);
-      double left = problem_.solver.prove ? std::numeric_limits<double>::infinity()
-                                          : std::max(work_ / (1 + before), kWorkOfAProof);
-      NearMemory memory;
-      for (int round = 0; round < kGridRounds && left > 0 && !interrupted(); ++round) {
-        if (!SolveOnGrid(solution, rollouts, memory, left)) break;
-      }
-      if (solution.constraint_violation > kBeyondLimits) return;
+      if (!progress.in_lanes) SolveInLanes(solution, rollouts, before, progress);
+      if (solution.constraint_violation > kBeyondLimits) return true;
       if (!problem_.solver.prove) {
         limits.enough = kEnoughWithoutProof;
-        limits.enough_after = static_cast<int>(std::clamp(left / price, 0.0, 1e6));
+        limits.enough_after = static_cast<int>(std::clamp(progress.left / price, 0.0, 1e6));
         limits.max_evaluations =
             std::min(limits.max_evaluations, limits.enough_after + kMostWithoutProof);
       }
     }
-    SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
-      return SolveNear(problem_, solution.x, limits, rollouts, local, history);
-    });
+    if (options_.accept && !lanes_.empty() && !progress.put_off &&
+        limits.max_evaluations > 2 * kFirstLook) {
+      NearLimits first = limits;
+      first.max_evaluations = kFirstLook;
+      first.enough = 0;
+      SolveFinely(solution, first, rollouts, progress.memory);
+      if (solution.end != SolveEnd::kEvaluations) return true;
+      if (interrupted()) return true;
+      limits.max_evaluations -= kFirstLook;
+      limits.enough_after = std::max(0, limits.enough_after - kFirstLook);
+      progress.evaluations -= kFirstLook;
+      progress.left -= kFirstLook * price;
+      if (solution.feasible()) {
+        progress.put_off = !options_.accept(solution);
+        if (progress.put_off) return false;
+        progress.as_asked = solution;
+        progress.as_asked->end = SolveEnd::kUnproved;
+        Tell(solution);
+      }
+    }
+    SolveFinely(solution, limits, rollouts, progress.memory);
     const bool out_of_work =
         solution.end == SolveEnd::kEnough || solution.end == SolveEnd::kEvaluations;
     if (limits.enough > 0 && out_of_work && solution.feasible()) solution.end = SolveEnd::kUnproved;
+    return true;
+  }
+
+  /// Solves a screened motion on in lanes, as far as they lead it.
+  void SolveInLanes(Solution& solution, NearRollouts& rollouts, int before, Progress& progress) {
+    progress.in_lanes = true;
+    progress.left = problem_.solver.prove ? std::numeric_limits<double>::infinity()
+                                          : std::max(work_ / (1 + before), kWorkOfAProof);
+    NearMemory memory;
+    for (int round = 0; round < kGridRounds && progress.left > 0 && !interrupted(); ++round) {
+      if (!SolveOnGrid(solution, rollouts, memory, progress.left)) break;
+      // After the first rounds, only what still gets somewhere goes on.
+      const bool stalls =
+          solution.end != SolveEnd::kConverged && solution.end != SolveEnd::kEvaluations;
+      if (round + 1 >= kFirstGridRounds && stalls) break;
+    }
+  }
+
+  /// Solves a motion on with the final steps.
+  void SolveFinely(Solution& solution, const NearLimits& limits, NearRollouts& rollouts,
+                   NearMemory& memory) {
+    SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+      return SolveNear(problem_, solution.x, limits, rollouts, local, history, &memory);
+    });
+  }
+
+  /// Hands out a motion that is as asked, though the search goes on.
+  void Tell(const Solution& solution) {
+    if (!options_.interim || interrupted()) return;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    options_.interim(solution);
   }
 
   /// Solves a motion on in lanes, with the adaptive steps of where it is now, so that derivatives
@@ -488,6 +570,7 @@ class Campaign {
   std::int64_t sampled_ = 0;
   std::vector<Solution> solutions_;
   std::vector<std::vector<Evaluation>> histories_;  // by start
+  std::vector<Progress> progress_;                  // likewise
 };
 
 /// Solves on from a motion that is nearly good, in one stage or two, until it is good enough.
@@ -626,7 +709,12 @@ SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> gues
   outcome.evaluations = outcome.solutions.front().evaluations;
   outcome.history = std::move(refinement.history());
   outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
-  if (problem.solver.prove) Converge(problem, options, outcome);
+  if (problem.solver.prove) {
+    const Solution& found = outcome.solutions.front();
+    if (options.interim && !outcome.interrupted && found.feasible() && !found.refused)
+      options.interim(found);
+    Converge(problem, options, outcome);
+  }
   return outcome;
 }
 

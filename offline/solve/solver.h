@@ -109,6 +109,10 @@ struct SolveOptions {
   /// Of motions that are as asked one that is away from them is preferred, unless it costs more by
   /// half, and two more are tried for it.
   std::function<bool(const Solution&)> calm;
+  /// Gets a motion that `accept` takes while the search goes on, because a proof that it is at a
+  /// minimum takes a while, or another one may be better: from any thread but by one at a time, and
+  /// not always a better one than before. Empty: nobody asks. It changes nothing in the result.
+  std::function<void(const Solution&)> interim;
   /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
   std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };

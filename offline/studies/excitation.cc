@@ -675,8 +675,8 @@ class Maker {
     SolveOutcome outcome;
     outcome.solutions = {solution};
     outcome.evaluations = result.tried;
-    PrimitiveFile file =
-        MakePrimitiveFile(task_, outcome, solution, fine.summary, CheckGradient(problem(), x));
+    PrimitiveFile file = MakePrimitiveFile(task_, outcome, solution, fine.summary,
+                                           DifferentiateBeside(problem(), x));
     file.purpose = fine.look.purpose;
     if (file.certificate.constraint_violation > kNoViolation) {
       result.cause = "the certificate finds a limit exceeded";

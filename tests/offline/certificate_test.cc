@@ -36,12 +36,35 @@ const Solved& TheSolution() {
   return solved;
 }
 
-TEST(CheckGradient, FindsTheRolloutsGradientRightAtEveryStep) {
+/// The costs of points, one after the other.
+template <class Cost>
+CostsOf EachBy(Cost cost) {
+  return [cost](std::span<const std::vector<double>> points) {
+    std::vector<double> costs;
+    for (const std::vector<double>& x : points) costs.push_back(cost(x));
+    return costs;
+  };
+}
+
+TEST(DifferentiateBeside, FindsTheRolloutsGradientRightAtEveryStep) {
   const Solved& s = TheSolution();
-  for (const double error : CheckGradient(s.task.problem, s.best.x).errors) EXPECT_LT(error, 1e-3);
+  const GradientCheck check = DifferentiateBeside(s.task.problem, s.best.x).check;
+  for (const double error : check.errors) EXPECT_LT(error, 1e-3);
   // What is left is the differences' own: curvature of contact at the longest step, rounding at the
   // shortest.
-  EXPECT_LT(CheckGradient(s.task.problem, s.best.x).relative_error(), 3e-5);
+  EXPECT_LT(check.relative_error(), 1e-4);
+}
+
+TEST(DifferentiateBeside, AgreesWithDifferencesOfOneRolloutAfterTheOther) {
+  const Solved& s = TheSolution();
+  const GradientBeside beside = DifferentiateBeside(s.task.problem, s.best.x);
+  Rollout rollout(s.task.problem, s.task.problem.solver.step_s);
+  rollout.Use(beside.grid.value());
+  const auto cost = [&rollout](const std::vector<double>& x) { return rollout.Run(x).cost; };
+  const GradientCheck other = CompareGradient(EachBy(cost), beside.at, beside.gradient);
+  // They differ by rounding, which impacts amplify and the differences divide by their step.
+  for (std::size_t i = 0; i < other.errors.size(); ++i)
+    EXPECT_NEAR(beside.check.errors[i], other.errors[i], 1e-10 / GradientCheck::kSteps[i]) << i;
 }
 
 TEST(CompareGradient, SeesAWrongGradient) {
@@ -50,10 +73,11 @@ TEST(CompareGradient, SeesAWrongGradient) {
   const std::vector<double> at = {0.3, 2.0};
   const auto f = [](const std::vector<double>& x) { return std::sin(x[0]) * x[1] * x[1]; };
   const std::vector<double> right = {std::cos(0.3) * 4, 2 * std::sin(0.3) * 2};
-  EXPECT_LT(CompareGradient(f, at, right).relative_error(), 1e-8);
-  EXPECT_NEAR(CompareGradient(f, at, {1.01 * right[0], right[1]}).relative_error(), 0.01, 2e-4);
-  EXPECT_NEAR(CompareGradient(f, at, {-right[0], right[1]}).relative_error(), 2, 1e-6);
-  EXPECT_NEAR(CompareGradient(f, at, {0, 0}).relative_error(), 1, 1e-6);
+  EXPECT_LT(CompareGradient(EachBy(f), at, right).relative_error(), 1e-8);
+  EXPECT_NEAR(CompareGradient(EachBy(f), at, {1.01 * right[0], right[1]}).relative_error(), 0.01,
+              2e-4);
+  EXPECT_NEAR(CompareGradient(EachBy(f), at, {-right[0], right[1]}).relative_error(), 2, 1e-6);
+  EXPECT_NEAR(CompareGradient(EachBy(f), at, {0, 0}).relative_error(), 1, 1e-6);
 }
 
 TEST(CompareGradient, SeesOneWrongComponentAmongManyAtItsFullSize) {
@@ -67,23 +91,23 @@ TEST(CompareGradient, SeesOneWrongComponentAmongManyAtItsFullSize) {
   std::vector<double> gradient;
   for (std::size_t i = 0; i < n; ++i)
     gradient.push_back(static_cast<double>(i + 1) * std::cos(0.1));
-  EXPECT_LT(CompareGradient(f, at, gradient).relative_error(), 1e-7);
+  EXPECT_LT(CompareGradient(EachBy(f), at, gradient).relative_error(), 1e-7);
   for (std::size_t i = 0; i < n; ++i) {
     std::vector<double> wrong = gradient;
     wrong[i] += 0.01 * gradient.back();
-    EXPECT_NEAR(CompareGradient(f, at, wrong).relative_error(), 0.01, 2e-4) << i;
+    EXPECT_NEAR(CompareGradient(EachBy(f), at, wrong).relative_error(), 0.01, 2e-4) << i;
   }
-  EXPECT_GT(CompareGradient(f, at, std::vector<double>(n)).relative_error(), 0.3);
+  EXPECT_GT(CompareGradient(EachBy(f), at, std::vector<double>(n)).relative_error(), 0.3);
 }
 
 TEST(CompareGradient, SaysForEachStepHowFarItIsOff) {
   // The central difference of x^3 at 1 is 3 + h^2. For small steps h^2 is below rounding.
   const auto cube = [](const std::vector<double>& x) { return x[0] * x[0] * x[0]; };
-  const GradientCheck check = CompareGradient(cube, {1.0}, {3.3});
+  const GradientCheck check = CompareGradient(EachBy(cube), {1.0}, {3.3});
   for (const double error : check.errors) EXPECT_NEAR(error, 0.3 / 3.3, 1e-6);
   // The cost jumps where only the largest difference step reaches.
   const auto cliff = [](const std::vector<double>& x) { return x[0] + (x[0] > 1.000005 ? 1 : 0); };
-  const GradientCheck near = CompareGradient(cliff, {1.0}, {1.0});
+  const GradientCheck near = CompareGradient(EachBy(cliff), {1.0}, {1.0});
   EXPECT_GT(near.errors[0], 0.9);
   EXPECT_LT(near.errors[1], 1e-6);
   EXPECT_LT(near.errors[2], 1e-6);
@@ -94,10 +118,13 @@ TEST(GradientStepHalvingChange, IsTheDifferenceOfTwoGradientsAndSmallerForASmall
   const Solved& s = TheSolution();
   Problem finer = s.task.problem;
   finer.solver.tolerance /= 1000;
-  const double change = GradientStepHalvingChange(s.task.problem, s.best.x);
+  const auto change_of = [&s](const Problem& problem) {
+    return GradientStepHalvingChange(problem, DifferentiateBeside(problem, s.best.x));
+  };
+  const double change = change_of(s.task.problem);
   EXPECT_GT(change, 0);
   EXPECT_LT(change, 0.1);
-  EXPECT_LT(GradientStepHalvingChange(finer, s.best.x), 0.5 * change);
+  EXPECT_LT(change_of(finer), 0.5 * change);
   EXPECT_EQ(s.file.certificate.gradient_step_halving_change, change);
 }
 
@@ -105,12 +132,12 @@ TEST(CompareGradient, IsNotFooledByACostThatIsNotFinite) {
   const auto wall = [](const std::vector<double>& x) {
     return x[0] == 1.0 ? 3.0 : std::numeric_limits<double>::infinity();
   };
-  EXPECT_EQ(CompareGradient(wall, {1.0}, {0.0}).relative_error(),
+  EXPECT_EQ(CompareGradient(EachBy(wall), {1.0}, {0.0}).relative_error(),
             std::numeric_limits<double>::infinity());
 }
 
 TEST(CompareGradient, OfAConstantIsZero) {
-  EXPECT_EQ(CompareGradient([](const std::vector<double>&) { return 3.0; }, {1.0}, {0.0})
+  EXPECT_EQ(CompareGradient(EachBy([](const std::vector<double>&) { return 3.0; }), {1.0}, {0.0})
                 .relative_error(),
             0);
 }
@@ -278,9 +305,10 @@ TEST(MakePrimitiveFile, PlaysThePathOfTheParameters) {
   });
   EXPECT_LT(worst, 1e-12);
   for (const auto& [said, seen] : {std::pair(s.file.entry, entry), std::pair(s.file.exit, exit)}) {
-    EXPECT_EQ(said.root_x_m, seen.root_x_m);
-    EXPECT_EQ(said.root_z_m, seen.root_z_m);
-    EXPECT_EQ(said.root_pitch_rad, seen.root_pitch_rad);
+    // The certificate's steps are longer after the settle phase.
+    EXPECT_NEAR(said.root_x_m, seen.root_x_m, 1e-7);
+    EXPECT_NEAR(said.root_z_m, seen.root_z_m, 1e-7);
+    EXPECT_NEAR(said.root_pitch_rad, seen.root_pitch_rad, 1e-7);
     for (std::size_t j = 0; j < 2; ++j)
       EXPECT_NEAR(said.joint_positions_rad[j], seen.joint_positions_rad[j], 1e-12);
   }

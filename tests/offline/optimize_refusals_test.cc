@@ -230,6 +230,22 @@ TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
   EXPECT_EQ(folder.Listing(), before);
 }
 
+TEST(OptimizeCliInterrupt, AMotionThatIsAsAskedIsThereWhileAProofIsLookedForAndStaysThere) {
+  const TaskFolder folder(EndlessLocalSolves());
+  const std::string out = folder / "motion.toml";
+  Program program = Optimize(folder, {"--out", out, "--json", folder / "figures.json", "--prove"});
+  ASSERT_TRUE(program.WaitFor("interim: objective ")) << program.text();
+  const PrimitiveFile meanwhile = LoadPrimitive(out);
+  EXPECT_EQ(meanwhile.certificate.constraint_violation, 0);
+  EXPECT_TRUE(meanwhile.certificate.kkt_residual.has_value());
+  for (const PurposeFigure& figure : meanwhile.purpose) EXPECT_TRUE(figure.met()) << figure.name();
+  program.Signal(SIGINT);
+  EXPECT_EQ(program.Wait(), 130) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("the interim motion in " + out + " stands"));
+  EXPECT_LE(LoadPrimitive(out).provenance.objective, meanwhile.provenance.objective);
+  EXPECT_FALSE(std::filesystem::exists(folder / "figures.json"));
+}
+
 TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
   const TaskFolder folder(EndlessLocalSolves());
   for (const auto& [threads, signal] : {std::pair{"1", SIGINT}, {"2", SIGTERM}, {"3", SIGHUP}}) {

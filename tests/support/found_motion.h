@@ -30,7 +30,7 @@ class FoundMotion : public ::testing::TestWithParam<int> {
     ASSERT_FALSE(outcome.solutions.empty());
     best_ = outcome.solutions.front();
     ASSERT_TRUE(best_.feasible());
-    EXPECT_LT(CheckGradient(problem_, best_.x).relative_error(), 1e-4);
+    EXPECT_LT(DifferentiateBeside(problem_, best_.x).check.relative_error(), 1e-4);
   }
   [[nodiscard]] std::string ObstacleOf(const ActiveContact<Plane>& contact) const {
     return TouchedName(problem_.scene, contact);
