@@ -37,18 +37,14 @@ Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
 double WideningOf(Kind kind) {
   switch (kind) {
     case Kind::kFriction:
-      return 2.0;
-    case Kind::kDamping:
-      return 1.35;
-    case Kind::kCreepSpeed:
-      return 1.6;
+      return 1.2;
     case Kind::kSlope:
-    case Kind::kStiffness:
-      return 1.3;
+    case Kind::kLength:
+      return 1.25;
     case Kind::kZero:
-      return 2.2;
+      return 1.3;
     case Kind::kDry:
-      return 1.8;
+      return 2.4;
     case Kind::kMassCentre:
       return 1.1;
     default:
