@@ -18,7 +18,8 @@ std::string IdentifiedUrdf(const std::string& robot_text, const std::string& rob
 /// @throws FileError  when `[contact]` does not give a property of the ground as a number.
 Task IdentifiedTask(const Task& given, const PosteriorFile& file);
 
-/// By how many standard deviations robots of an effective model are drawn at most.
+/// By how many standard deviations robots of an effective model differ at most for whom a motion is
+/// tuned: no motion carries those of two, and what was found for them carries the true one less.
 inline constexpr double kEffectiveDeviations = 1;
 
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
