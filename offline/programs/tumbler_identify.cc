@@ -491,11 +491,11 @@ ExitStatus Main(int argc, char** argv) {
   gate.Option("--drives", arguments.drives,
               "Drives file of the run: the records' own, or with corrected zeros; without it, "
               "default drives with the motion's gains");
-  gate.Option("--draws", arguments.draws,
-              fmt::format("Robots beside the mean; without it {} at {:.3g} standard deviations, of "
-                          "an effective model {} at {:.3g}",
-                          GateDraws{}.count, GateDraws{}.deviations, kDrawsOfEffective.count,
-                          kDrawsOfEffective.deviations))
+  gate.Option(
+          "--draws", arguments.draws,
+          fmt::format("Robots at two standard deviations, beside the mean; without it {}, of an "
+                      "effective model {}",
+                      GateDraws{}.count, kDrawsOfEffective.count))
       .Within(0, 1000);
   gate.Seed(arguments.seed, "Seed of the draws");
   gate.Option("--json", arguments.json,

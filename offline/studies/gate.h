@@ -7,7 +7,6 @@
 
 #include "offline/problem/posterior_toml.h"
 #include "offline/scene/variation.h"
-#include "offline/studies/identified_model.h"
 #include "offline/studies/trial.h"
 
 namespace tumbler {
@@ -17,9 +16,8 @@ struct GateDraws {
   int count = 3;
   double deviations = 2;  ///< By so many are they drawn.
 };
-/// Of an effective model, whose intervals are wide: two deviations in all that it leaves open are
-/// robots that no motion carries. Where one in five falls, three pass by chance; twelve do not.
-inline constexpr GateDraws kDrawsOfEffective = {12, kEffectiveDeviations};
+/// Of an effective model: where a third of its robots falls, three pass by chance.
+inline constexpr GateDraws kDrawsOfEffective = {12, 2};
 
 /// Settings of a gate.
 struct GateSettings {

@@ -24,7 +24,8 @@ struct UntoldSpreads {
   double delay_s = 1e-4;       ///< Of what setpoints are late by.
 };
 
-/// By how many standard deviations robots of an effective model are drawn at most.
+/// By how many standard deviations robots of an effective model differ at most for whom a motion is
+/// tuned: no motion carries those of two, and what was found for them carries the true one less.
 inline constexpr double kEffectiveDeviations = 1;
 
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
@@ -38,8 +39,7 @@ struct TuningSettings {
 };
 
 /// Lets the search for a task's motion be judged by the robots of a posterior, as the gate judges
-/// the motion. At most these many
-/// robots and generations are taken of what `[robust]` asks for.
+/// the motion. At most these many robots and generations are taken of what `[robust]` asks for.
 /// @pre the task has `[robust]`.
 void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& task);
 
