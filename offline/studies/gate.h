@@ -7,6 +7,7 @@
 
 #include "offline/problem/posterior_toml.h"
 #include "offline/scene/variation.h"
+#include "offline/studies/identified_model.h"
 #include "offline/studies/trial.h"
 
 namespace tumbler {
