@@ -69,7 +69,7 @@ constexpr int kLaneEvaluations = 2;
 /// What was screened in lanes goes on in them with the adaptive steps of where it is. These are
 /// chosen anew so many times, and a few times more while it gets somewhere, with so many
 /// evaluations each, and to this many times the residual that is wanted.
-constexpr int kFirstGridRounds = 3, kGridRounds = 8, kGridEvaluations = 64;
+constexpr int kFirstGridRounds = 3, kGridRounds = 8, kGridEvaluations = 32;
 constexpr double kNearlyOnGrid = 2;
 /// After so many evaluations with the final steps it is looked whether a motion is as asked.
 constexpr int kFirstLook = 24;
