@@ -208,6 +208,27 @@ void WriteInterim(const PrimitiveFile& file, const Arguments& arguments) {
              arguments.out);
 }
 
+/// Writes all that is asked for, or nothing.
+/// @param text    of the primitive.
+/// @param report  the page of a motion in the plane.
+/// @returns the page's file; empty: there is none.
+std::string WriteOutputs(const Arguments& arguments, const TaskResult& result,
+                         const std::string& text, const std::optional<ReportData>& report) {
+  const std::string json = ToJson(result);
+  std::optional<PendingFile> primitive_file, json_file;
+  if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
+  if (!arguments.json.empty() && arguments.json != "-") json_file.emplace(arguments.json, json);
+  if (arguments.json == "-") fmt::print("{}", json);
+  Flush(stdout);
+  std::string page;
+  if (report) page = WriteReport(*report, arguments.report);
+  if (!arguments.report.empty() && result.problem().space)
+    page = WriteSpacePage(result, arguments.report);
+  if (json_file) json_file->Commit();
+  if (primitive_file) primitive_file->Commit();
+  return page;
+}
+
 ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
   std::vector<Task> tasks = LoadFromGuesses(arguments);
@@ -266,25 +287,20 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   std::optional<ReportData> report;
-  const bool in_space = result.problem().space.has_value();
-  if (!arguments.report.empty() && !in_space) report = PageOf(result, window);
+  if (!arguments.report.empty() && !result.problem().space) report = PageOf(result, window);
   if (end_requested && !arguments.keep_best) return drop();
   IgnoreEndSignals();  // From here on, files are written whole.
   const bool interrupted = end_requested;
   if (interrupted)
     fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
 
-  const std::string json = ToJson(result);
-  std::optional<PendingFile> primitive_file, json_file;
-  if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
-  if (!arguments.json.empty() && arguments.json != "-") json_file.emplace(arguments.json, json);
-  if (arguments.json == "-") fmt::print("{}", json);
-  Flush(stdout);
   std::string page;
-  if (report) page = WriteReport(*report, arguments.report);
-  if (!arguments.report.empty() && in_space) page = WriteSpacePage(result, arguments.report);
-  if (json_file) json_file->Commit();
-  if (primitive_file) primitive_file->Commit();
+  try {
+    page = WriteOutputs(arguments, result, text, report);
+  } catch (...) {
+    if (interim) fmt::print(stderr, "{}\n", nothing_more());
+    throw;
+  }
 
   NoteStandingGuess(arguments, result);
   PrintMotion(people, result);

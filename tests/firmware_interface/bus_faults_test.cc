@@ -17,10 +17,10 @@ namespace {
 
 using testing::Drain;
 using testing::Echo;
-using testing::Frame;
 using testing::Ids;
 using testing::kBit;
 using testing::List;
+using testing::LongFrame;
 
 constexpr std::int64_t kMs = 1'000'000;
 
@@ -41,11 +41,11 @@ TEST(ErrorCounters, GoDownByOneWithEachGoodFrame) {
   BusFaultPlan plan = Script(BusFaultKind::kBitErrors);
   plan.faults[0].end_ns = 1;  // The first try only.
   bus.SetFaults(plan);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(100'000);  // not yet the end of the second one
   EXPECT_EQ(a.transmit_errors(), 8);
   EXPECT_EQ(b.receive_errors(), 1);
-  for (int i = 0; i < 3; ++i) ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(a.Send(LongFrame(2)), Status::kOk);
   bus.AdvanceTo(10 * kMs);
   EXPECT_EQ(Ids(Drain(b)), (List{1, 2, 2, 2}));
   EXPECT_EQ(a.transmit_errors(), 4);
@@ -59,8 +59,8 @@ TEST(ErrorCounters, AShortTakesTheSenderThroughPassiveToBusOffAndOthersToPassive
   auto& a = bus.Attach();
   auto& b = bus.Attach();
   bus.SetFaults(Script(BusFaultKind::kShort));
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(2)), Status::kOk);
   std::vector<CanControllerState> seen{CanControllerState::kErrorActive};
   for (std::int64_t us = 0; us < 2000; ++us) {
     bus.AdvanceTo(us * 1000);
@@ -83,16 +83,16 @@ TEST(ErrorCounters, RecoveryTakesARestartAnd128TimesElevenRecessiveBits) {
   BusFaultPlan plan = Script(BusFaultKind::kShort);
   plan.faults[0].end_ns = 2 * kMs;
   bus.SetFaults(plan);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(100 * kMs);
-  EXPECT_EQ(a.Send(Frame(1)), Status::kBusOff) << "nobody has restarted it";
+  EXPECT_EQ(a.Send(LongFrame(1)), Status::kBusOff) << "nobody has restarted it";
   a.Restart();
   bus.AdvanceTo(100 * kMs + 1408 * kBit - 11 * kBit);
-  EXPECT_EQ(a.Send(Frame(1)), Status::kBusOff);
+  EXPECT_EQ(a.Send(LongFrame(1)), Status::kBusOff);
   bus.AdvanceTo(100 * kMs + 1408 * kBit);
   EXPECT_EQ(a.controller_state(), CanControllerState::kErrorActive);
   EXPECT_EQ(a.transmit_errors(), 0);
-  ASSERT_EQ(a.Send(Frame(3)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(3)), Status::kOk);
   bus.AdvanceTo(200 * kMs);
   EXPECT_EQ(Ids(Drain(b)), (List{3}));
 }
@@ -109,10 +109,10 @@ TEST(ErrorCounters, ABusyBusGivesOneRecessiveSequenceAFrame) {
   BusFaultPlan plan = Script(BusFaultKind::kShort);
   plan.faults[0].end_ns = 1 * kMs;
   bus.SetFaults(plan);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(1 * kMs);
   ASSERT_EQ(a.controller_state(), CanControllerState::kBusOff);
-  for (int i = 0; i < 300; ++i) ASSERT_EQ(b.Send(Frame(7)), Status::kOk);
+  for (int i = 0; i < 300; ++i) ASSERT_EQ(b.Send(LongFrame(7)), Status::kOk);
   std::int64_t heard = 0;
   while (a.controller_state() == CanControllerState::kBusOff && bus.now_ns() < 100 * kMs) {
     bus.AdvanceTo(bus.now_ns() + 1000);
@@ -127,11 +127,11 @@ TEST(ErrorCounters, BusOffNodesDoNotAcknowledge) {
   auto& a = bus.Attach();
   auto& b = bus.Attach();
   auto& c = bus.Attach();
-  ASSERT_EQ(a.Send(Frame(5, 1)), Status::kOk);
-  ASSERT_EQ(b.Send(Frame(5, 2)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(5, 1)), Status::kOk);
+  ASSERT_EQ(b.Send(LongFrame(5, 2)), Status::kOk);
   bus.AdvanceTo(10 * kMs);
   ASSERT_EQ(b.controller_state(), CanControllerState::kBusOff);
-  ASSERT_EQ(c.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(c.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(20 * kMs);
   EXPECT_EQ(c.statistics().sent, 0);
   EXPECT_EQ(c.controller_state(), CanControllerState::kErrorPassive);
@@ -146,14 +146,14 @@ TEST(ErrorCounters, AnErrorPassiveNodeLetsOthersGoFirst) {
   plan.faults[0].ids = {1};
   plan.faults[0].end_ns = 700'000;
   bus.SetFaults(plan);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
   while (a.controller_state() != CanControllerState::kErrorPassive) {
     ASSERT_LT(bus.now_ns(), 700'000);
     bus.AdvanceTo(bus.now_ns() + 1000);
   }
   // Now an error frame is under way. Both wait for its end, and the less urgent one begins 8 bits
   // earlier.
-  ASSERT_EQ(b.Send(Frame(9)), Status::kOk);
+  ASSERT_EQ(b.Send(LongFrame(9)), Status::kOk);
   bus.AdvanceTo(10 * kMs);
   EXPECT_EQ(Ids(Drain(c)), (List{9, 1}));
 }
@@ -166,13 +166,13 @@ TEST(BusFaults, BitErrorsHaveTheirRateAndNoFrameIsLost) {
   auto& a = bus.Attach(deep);
   auto& b = bus.Attach(deep);
   bus.SetFaults(Script(BusFaultKind::kBitErrors, 1e-4));
-  for (int i = 0; i < 3000; ++i) ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  for (int i = 0; i < 3000; ++i) ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(2000 * kMs);
   // Every broken frame is sent again. A frame that is broken at its last bit comes twice.
   const auto received = static_cast<std::int64_t>(Drain(b).size());
   EXPECT_EQ(a.statistics().sent, 3000);
   EXPECT_GE(received, 3000);
-  const double expected = 3000 * (1 - std::pow(1 - 1e-4, FrameBits(Frame(1)) - 3));
+  const double expected = 3000 * (1 - std::pow(1 - 1e-4, FrameBits(LongFrame(1)) - 3));
   EXPECT_NEAR(static_cast<double>(bus.statistics().disturbed), expected, 4 * std::sqrt(expected));
   EXPECT_EQ(bus.statistics().disturbed, a.statistics().errors);
 }
@@ -180,7 +180,7 @@ TEST(BusFaults, BitErrorsHaveTheirRateAndNoFrameIsLost) {
 TEST(BusFaults, ADisturbedLastBitIsTheOneThatCanDuplicates) {
   // Every seed breaks another bit of the first try.
   int duplicates = 0;
-  const int last = FrameBits(Frame(1)) - kIntermissionBits;
+  const int last = FrameBits(LongFrame(1)) - kIntermissionBits;
   for (std::uint64_t seed = 1; seed <= 600; ++seed) {
     SimulatedBus bus;
     auto& a = bus.Attach();
@@ -189,7 +189,7 @@ TEST(BusFaults, ADisturbedLastBitIsTheOneThatCanDuplicates) {
     plan.seed = seed;
     plan.faults[0].end_ns = 1;
     bus.SetFaults(plan);
-    ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+    ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
     bus.AdvanceTo(2 * kMs);
     const std::size_t received = Drain(b).size();
     ASSERT_GE(received, 1U);
@@ -211,7 +211,7 @@ TEST(BusFaults, LossDuplicationAndFlipsConcernTheNodeAndTheFramesNamed) {
     BusFaultPlan plan = Script(kind, 1, 1);
     plan.faults[0].ids = {2};
     bus.SetFaults(plan);
-    for (const std::uint32_t id : List{1, 2, 3}) ASSERT_EQ(a.Send(Frame(id)), Status::kOk);
+    for (const std::uint32_t id : List{1, 2, 3}) ASSERT_EQ(a.Send(LongFrame(id)), Status::kOk);
     bus.AdvanceTo(10 * kMs);
     EXPECT_EQ(Ids(Drain(c)), (List{1, 2, 3}));
     EXPECT_EQ(a.statistics().sent, 3);
@@ -225,7 +225,7 @@ TEST(BusFaults, LossDuplicationAndFlipsConcernTheNodeAndTheFramesNamed) {
       int flipped = 0;
       for (const std::uint8_t byte : received[1].frame.data) flipped += std::popcount(byte);
       EXPECT_EQ(flipped, 1);
-      EXPECT_EQ(received[2].frame, Frame(3));
+      EXPECT_EQ(received[2].frame, LongFrame(3));
     }
   }
 }
@@ -242,7 +242,7 @@ TEST(BusFaults, ProbabilitiesAreKeptAndSeedsMatter) {
     BusFaultPlan plan = Script(BusFaultKind::kLoss, 0.3);
     plan.seed = seed;
     bus.SetFaults(plan);
-    for (std::uint32_t i = 0; i < 1000; ++i) ASSERT_EQ(a.Send(Frame(i)), Status::kOk);
+    for (std::uint32_t i = 0; i < 1000; ++i) ASSERT_EQ(a.Send(LongFrame(i)), Status::kOk);
     bus.AdvanceTo(1000 * kMs);
     runs.push_back(Ids(Drain(b)));
     EXPECT_NEAR(static_cast<double>(runs.back().size()), 700, 60);
@@ -259,9 +259,9 @@ TEST(BusFaults, DelayKeepsTheOrderAndReorderingChangesIt) {
   plan.faults[0].delay_ns = 2 * kMs;
   plan.faults[0].ids = {1};
   bus.SetFaults(plan);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
-  const std::int64_t end = (FrameBits(Frame(1)) - kIntermissionBits) * kBit;
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(2)), Status::kOk);
+  const std::int64_t end = (FrameBits(LongFrame(1)) - kIntermissionBits) * kBit;
   bus.AdvanceTo(end + 2 * kMs - 1);
   EXPECT_TRUE(Drain(b).empty());
   bus.AdvanceTo(end + 2 * kMs);
@@ -273,7 +273,7 @@ TEST(BusFaults, DelayKeepsTheOrderAndReorderingChangesIt) {
   plan.faults[0].delay_ns = 5 * kMs;
   plan.faults[0].ids = {3};
   bus.SetFaults(plan);
-  for (const std::uint32_t id : List{3, 4, 5, 3}) ASSERT_EQ(a.Send(Frame(id)), Status::kOk);
+  for (const std::uint32_t id : List{3, 4, 5, 3}) ASSERT_EQ(a.Send(LongFrame(id)), Status::kOk);
   bus.AdvanceTo(bus.now_ns() + 2 * kMs);
   EXPECT_EQ(Ids(Drain(b)), (List{4, 3, 5}));
   bus.AdvanceTo(bus.now_ns() + 5 * kMs);
@@ -296,9 +296,9 @@ TEST(BusFaults, AStalledNodesQueueFillsUpAndADisconnectedNodeIsAlone) {
   plan.faults[1].end_ns = 6 * kMs;
   bus.SetFaults(plan);
   bus.AdvanceTo(1 * kMs);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
-  EXPECT_EQ(a.Send(Frame(3)), Status::kWouldBlock);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(2)), Status::kOk);
+  EXPECT_EQ(a.Send(LongFrame(3)), Status::kWouldBlock);
   bus.AdvanceTo(2 * kMs - 1);
   EXPECT_TRUE(Drain(b).empty());
   bus.AdvanceTo(3 * kMs);
@@ -306,8 +306,8 @@ TEST(BusFaults, AStalledNodesQueueFillsUpAndADisconnectedNodeIsAlone) {
 
   Drain(a);
   Drain(c);
-  ASSERT_EQ(a.Send(Frame(4)), Status::kOk);
-  ASSERT_EQ(b.Send(Frame(5)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(4)), Status::kOk);
+  ASSERT_EQ(b.Send(LongFrame(5)), Status::kOk);
   bus.AdvanceTo(6 * kMs - 1);
   EXPECT_EQ(Ids(Drain(c)), (List{5}));
   EXPECT_TRUE(Drain(a).empty());
@@ -327,15 +327,15 @@ TEST(BusFaults, AnInterfaceComesBackFromBeingDownButNotFromBeingGone) {
     plan.faults[0].end_ns = 2 * kMs;
     bus.SetFaults(plan);
     bus.AdvanceTo(1 * kMs - 1);
-    EXPECT_EQ(a.Send(Frame(1)), Status::kOk);
-    EXPECT_EQ(a.Send(Frame(8)), Status::kOk);
+    EXPECT_EQ(a.Send(LongFrame(1)), Status::kOk);
+    EXPECT_EQ(a.Send(LongFrame(8)), Status::kOk);
     bus.AdvanceTo(1'500'000);
     ReceivedFrame received;
-    EXPECT_EQ(a.Send(Frame(2)), status);
+    EXPECT_EQ(a.Send(LongFrame(2)), status);
     EXPECT_EQ(a.Receive(received), status);
     bus.AdvanceTo(3 * kMs);
     const bool back = kind == BusFaultKind::kLinkDown;
-    EXPECT_EQ(a.Send(Frame(3)), back ? Status::kOk : Status::kLinkGone);
+    EXPECT_EQ(a.Send(LongFrame(3)), back ? Status::kOk : Status::kLinkGone);
     bus.AdvanceTo(4 * kMs);
     EXPECT_EQ(Ids(Drain(b)), back ? (List{1, 3}) : (List{1})) << "what waited is gone";
   }
@@ -373,7 +373,7 @@ TEST(BusFaults, AScriptedRunIsTheSameWhateverTheSteps) {
     for (std::int64_t t = 0; t < 100 * kMs; t += 500'000) {
       for (std::int64_t now = t; now < t + 500'000; now += step_ns) bus.AdvanceTo(now);
       bus.AdvanceTo(t + 500'000);
-      static_cast<void>(a.Send(Frame(static_cast<std::uint32_t>(t / 500'000), 1)));
+      static_cast<void>(a.Send(LongFrame(static_cast<std::uint32_t>(t / 500'000), 1)));
       if (a.controller_state() == CanControllerState::kBusOff) a.Restart();
     }
     return Drain(b);

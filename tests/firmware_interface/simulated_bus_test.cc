@@ -13,16 +13,16 @@ namespace {
 
 using testing::Drain;
 using testing::Echo;
-using testing::Frame;
 using testing::Ids;
 using testing::kBit;
 using testing::List;
+using testing::LongFrame;
 
 TEST(SimulatedBus, DeliversAFrameAfterExactlyItsLength) {
   SimulatedBus bus;
   auto& a = bus.Attach();
   auto& b = bus.Attach();
-  const CanFrame frame = Frame(0x123, 0x55);
+  const CanFrame frame = LongFrame(0x123, 0x55);
   ASSERT_EQ(a.Send(frame), Status::kOk);
   const std::int64_t end = (FrameBits(frame) - kIntermissionBits) * kBit;
   bus.AdvanceTo(end - 1);
@@ -40,13 +40,13 @@ TEST(SimulatedBus, SendsBackToBackFramesWithAnIntermissionBetween) {
   SimulatedBus bus(500'000);
   auto& a = bus.Attach();
   auto& b = bus.Attach();
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(2)), Status::kOk);
   bus.AdvanceTo(10'000'000);
   const auto received = Drain(b);
   ASSERT_EQ(received.size(), 2U);
-  EXPECT_EQ(received[1].time_ns - received[0].time_ns, FrameBits(Frame(2)) * 2000);
-  EXPECT_EQ(bus.statistics().bits, FrameBits(Frame(1)) + FrameBits(Frame(2)));
+  EXPECT_EQ(received[1].time_ns - received[0].time_ns, FrameBits(LongFrame(2)) * 2000);
+  EXPECT_EQ(bus.statistics().bits, FrameBits(LongFrame(1)) + FrameBits(LongFrame(2)));
 }
 
 TEST(SimulatedBus, LowestIdentifierWinsAndTheOthersWaitTheirTurn) {
@@ -55,7 +55,7 @@ TEST(SimulatedBus, LowestIdentifierWinsAndTheOthersWaitTheirTurn) {
   std::vector<SimulatedBus::Port*> ports;
   for (const std::uint32_t id : List{0x300, 0x100, 0x200}) {
     ports.push_back(&bus.Attach());
-    ASSERT_EQ(ports.back()->Send(Frame(id)), Status::kOk);
+    ASSERT_EQ(ports.back()->Send(LongFrame(id)), Status::kOk);
   }
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{0x100, 0x200, 0x300}));
@@ -66,9 +66,9 @@ TEST(SimulatedBus, AFrameOnTheWireIsNotInterrupted) {
   auto& listener = bus.Attach();
   auto& low = bus.Attach();
   auto& high = bus.Attach();
-  ASSERT_EQ(low.Send(Frame(0x700)), Status::kOk);
+  ASSERT_EQ(low.Send(LongFrame(0x700)), Status::kOk);
   bus.AdvanceTo(1);
-  ASSERT_EQ(high.Send(Frame(0x001)), Status::kOk);
+  ASSERT_EQ(high.Send(LongFrame(0x001)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{0x700, 0x001}));
 }
@@ -78,20 +78,20 @@ TEST(SimulatedBus, AQueueIsFirstInFirstOutEvenIfALaterFrameIsMoreUrgent) {
   auto& listener = bus.Attach();
   auto& a = bus.Attach();
   auto& b = bus.Attach();
-  ASSERT_EQ(a.Send(Frame(0x700)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(0x001)), Status::kOk);
-  ASSERT_EQ(b.Send(Frame(0x300)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(0x700)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(0x001)), Status::kOk);
+  ASSERT_EQ(b.Send(LongFrame(0x300)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{0x300, 0x700, 0x001}));
 }
 
 TEST(SimulatedBus, StandardBeatsExtendedAndDataBeatsRemote) {
-  CanFrame standard = Frame(0x123);
-  CanFrame remote = Frame(0x123);
+  CanFrame standard = LongFrame(0x123);
+  CanFrame remote = LongFrame(0x123);
   remote.remote = true;
-  CanFrame extended = Frame(0x123U << 18);
+  CanFrame extended = LongFrame(0x123U << 18);
   extended.extended = true;
-  CanFrame smaller = Frame(0x122U << 18 | 0x3ffff);
+  CanFrame smaller = LongFrame(0x122U << 18 | 0x3ffff);
   smaller.extended = true;
   SimulatedBus bus;
   auto& listener = bus.Attach();
@@ -113,16 +113,16 @@ TEST(SimulatedBus, OneShotFramesThatLoseArbitrationAreGone) {
   one_shot.auto_retransmit = false;
   auto& winner = bus.Attach(one_shot);
   auto& loser = bus.Attach(one_shot);
-  ASSERT_EQ(winner.Send(Frame(1)), Status::kOk);
-  ASSERT_EQ(loser.Send(Frame(2)), Status::kOk);
+  ASSERT_EQ(winner.Send(LongFrame(1)), Status::kOk);
+  ASSERT_EQ(loser.Send(LongFrame(2)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{1}));
   EXPECT_EQ(loser.statistics().dropped_transmit, 1);
   EXPECT_EQ(loser.transmit_depth(), 0);
   // A frame that waits for a busy bus has not lost arbitration.
-  ASSERT_EQ(winner.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(winner.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(bus.now_ns() + 1000);
-  ASSERT_EQ(loser.Send(Frame(2)), Status::kOk);
+  ASSERT_EQ(loser.Send(LongFrame(2)), Status::kOk);
   bus.AdvanceTo(bus.now_ns() + 1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{1, 2}));
 }
@@ -135,8 +135,8 @@ TEST(SimulatedBus, SameIdentifierWithDifferentDataCollides) {
     config.auto_retransmit = retransmit;
     auto& a = bus.Attach(config);
     auto& b = bus.Attach(config);
-    ASSERT_EQ(a.Send(Frame(5, 1)), Status::kOk);
-    ASSERT_EQ(b.Send(Frame(5, 2)), Status::kOk);
+    ASSERT_EQ(a.Send(LongFrame(5, 1)), Status::kOk);
+    ASSERT_EQ(b.Send(LongFrame(5, 2)), Status::kOk);
     bus.AdvanceTo(100'000'000);
     EXPECT_TRUE(Drain(listener).empty());
     if (retransmit) {
@@ -144,7 +144,7 @@ TEST(SimulatedBus, SameIdentifierWithDifferentDataCollides) {
       EXPECT_EQ(bus.statistics().collisions, 32);
       EXPECT_EQ(a.controller_state(), CanControllerState::kBusOff);
       EXPECT_EQ(b.controller_state(), CanControllerState::kBusOff);
-      EXPECT_EQ(a.Send(Frame(5, 1)), Status::kBusOff);
+      EXPECT_EQ(a.Send(LongFrame(5, 1)), Status::kBusOff);
       EXPECT_EQ(a.transmit_depth() + b.transmit_depth(), 0);
       EXPECT_EQ(a.statistics().dropped_transmit, 1);
     } else {
@@ -163,8 +163,8 @@ TEST(SimulatedBus, IdenticalFramesFromTwoNodesAreOneFrameOnTheWire) {
   auto& listener = bus.Attach();
   auto& a = bus.Attach();
   auto& b = bus.Attach();
-  ASSERT_EQ(a.Send(Frame(5, 1)), Status::kOk);
-  ASSERT_EQ(b.Send(Frame(5, 1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(5, 1)), Status::kOk);
+  ASSERT_EQ(b.Send(LongFrame(5, 1)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{5}));
   EXPECT_TRUE(Drain(a).empty());
@@ -182,9 +182,9 @@ TEST(SimulatedBus, WithNobodyToAcknowledgeTheBusStaysBusyAndTheQueueFills) {
   SimulatedBus::PortConfig logger;
   logger.listen_only = true;
   auto& listener = bus.Attach(logger);
-  for (int i = 0; i < 3; ++i) ASSERT_EQ(lone.Send(Frame(1)), Status::kOk);
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(lone.Send(LongFrame(1)), Status::kOk);
   bus.AdvanceTo(50'000'000);
-  EXPECT_EQ(lone.Send(Frame(1)), Status::kWouldBlock);
+  EXPECT_EQ(lone.Send(LongFrame(1)), Status::kWouldBlock);
   EXPECT_EQ(lone.statistics().rejected_transmit, 1);
   EXPECT_EQ(lone.statistics().sent, 0);
   EXPECT_GT(bus.load(), 0.9) << "busy but for the 8 bits that an error-passive node waits";
@@ -206,8 +206,8 @@ TEST(SimulatedBus, ListenOnlyPortHearsAllAndSendsNothing) {
   SimulatedBus::PortConfig logger;
   logger.listen_only = true;
   auto& listener = bus.Attach(logger);
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
-  EXPECT_EQ(listener.Send(Frame(2)), Status::kInvalidArgument);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
+  EXPECT_EQ(listener.Send(LongFrame(2)), Status::kInvalidArgument);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(listener)), (List{1}));
 }
@@ -218,7 +218,7 @@ TEST(SimulatedBus, FullReceiveQueueDropsTheNewestAndCounts) {
   SimulatedBus::PortConfig config;
   config.receive_capacity = 2;
   auto& b = bus.Attach(config);
-  for (std::uint32_t id = 1; id <= 5; ++id) ASSERT_EQ(a.Send(Frame(id)), Status::kOk);
+  for (std::uint32_t id = 1; id <= 5; ++id) ASSERT_EQ(a.Send(LongFrame(id)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(b)), (List{1, 2}));
   EXPECT_EQ(b.statistics().received, 2);
@@ -230,12 +230,12 @@ TEST(SimulatedBus, FullReceiveQueueDropsTheNewestAndCounts) {
 TEST(SimulatedBus, RejectsFramesThatAreNotCan) {
   SimulatedBus bus;
   auto& a = bus.Attach();
-  CanFrame frame = Frame(0x800);
+  CanFrame frame = LongFrame(0x800);
   EXPECT_EQ(a.Send(frame), Status::kInvalidArgument);
-  frame = Frame(1);
+  frame = LongFrame(1);
   frame.size = 9;
   EXPECT_EQ(a.Send(frame), Status::kInvalidArgument);
-  EXPECT_EQ(a.SendAfter(-1, Frame(1)), Status::kInvalidArgument);
+  EXPECT_EQ(a.SendAfter(-1, LongFrame(1)), Status::kInvalidArgument);
   EXPECT_EQ(a.transmit_depth(), 0);
 }
 
@@ -243,22 +243,22 @@ TEST(SimulatedBus, LinkDownEmptiesTheQueuesAndIsRepeatedUntilItIsUp) {
   SimulatedBus bus;
   auto& a = bus.Attach();
   auto& b = bus.Attach();
-  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
-  ASSERT_EQ(a.Send(Frame(3)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(2)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(3)), Status::kOk);
   bus.AdvanceTo(10'000);  // The first one is on the wire.
   a.SetLinkDown(true);
   ReceivedFrame received;
-  EXPECT_EQ(a.Send(Frame(4)), Status::kLinkDown);
+  EXPECT_EQ(a.Send(LongFrame(4)), Status::kLinkDown);
   EXPECT_EQ(a.Receive(received), Status::kLinkDown);
   a.SetLinkDown(false);
-  ASSERT_EQ(a.Send(Frame(5)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(5)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(b)), (List{1, 5}));
   EXPECT_EQ(a.statistics().dropped_transmit, 2);
   EXPECT_EQ(a.statistics().sent, 2);
   b.SetLinkDown(true);
-  ASSERT_EQ(a.Send(Frame(6)), Status::kOk);
+  ASSERT_EQ(a.Send(LongFrame(6)), Status::kOk);
   bus.AdvanceTo(2'000'000);
   EXPECT_EQ(a.transmit_depth(), 1) << "nobody acknowledges any more";
 }
@@ -269,8 +269,8 @@ TEST(SimulatedBus, AnswersOfANodeTakePartInTheNextArbitration) {
   auto& host = bus.Attach();
   auto& other = bus.Attach();
   bus.Attach(echo);
-  ASSERT_EQ(host.Send(Frame(0x010)), Status::kOk);
-  ASSERT_EQ(host.Send(Frame(0x7f0)), Status::kOk);
+  ASSERT_EQ(host.Send(LongFrame(0x010)), Status::kOk);
+  ASSERT_EQ(host.Send(LongFrame(0x7f0)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   EXPECT_EQ(Ids(Drain(other)), (List{0x010, 0x110, 0x7f0}));
 }
@@ -280,11 +280,11 @@ TEST(SimulatedBus, TurnaroundDelaysTheAnswerToTheNanosecond) {
   Echo echo(123'456);
   auto& host = bus.Attach();
   bus.Attach(echo);
-  ASSERT_EQ(host.Send(Frame(0x010)), Status::kOk);
+  ASSERT_EQ(host.Send(LongFrame(0x010)), Status::kOk);
   bus.AdvanceTo(1'000'000);
   const auto received = Drain(host);
   ASSERT_EQ(received.size(), 1U);
-  const std::int64_t heard = (FrameBits(Frame(0x010)) - kIntermissionBits) * kBit;
+  const std::int64_t heard = (FrameBits(LongFrame(0x010)) - kIntermissionBits) * kBit;
   EXPECT_EQ(received[0].time_ns,
             heard + 123'456 + (FrameBits(received[0].frame) - kIntermissionBits) * kBit);
 }
@@ -293,8 +293,8 @@ TEST(SimulatedBus, LoadIsTheShareOfTimeThatFramesTake) {
   SimulatedBus bus;
   auto& a = bus.Attach();
   bus.Attach();
-  ASSERT_EQ(a.Send(Frame(7)), Status::kOk);
-  const std::int64_t length = FrameBits(Frame(7)) * kBit;
+  ASSERT_EQ(a.Send(LongFrame(7)), Status::kOk);
+  const std::int64_t length = FrameBits(LongFrame(7)) * kBit;
   bus.AdvanceTo(length / 2);
   EXPECT_DOUBLE_EQ(bus.load(), 1.0);
   bus.AdvanceTo(4 * length);
@@ -321,8 +321,8 @@ std::vector<ReceivedFrame> RandomRun(std::uint64_t seed, std::int64_t step_ns) {
     // Identifiers of different ports differ, so that retransmitting ports never collide for ever.
     for (std::size_t i = 0; i < 3; ++i) {
       if (random() % 3 != 0) continue;
-      CanFrame frame = Frame(static_cast<std::uint32_t>(random() % 32 * 3 + i),
-                             static_cast<std::uint8_t>(random()));
+      CanFrame frame = LongFrame(static_cast<std::uint32_t>(random() % 32 * 3 + i),
+                                 static_cast<std::uint8_t>(random()));
       frame.size = static_cast<std::uint8_t>(random() % 9);
       static_cast<void>(ports[i]->Send(frame));
     }

@@ -185,6 +185,9 @@ TEST(OptimizeCli, FailureOfOneOutputLeavesNoOther) {
                                       folder / "figures.json", "--report", folder / "report"});
   EXPECT_EQ(program.Wait(), 1) << program.text();
   EXPECT_THAT(program.text(), HasSubstr("index.html"));
+  // But what was written while the work went on, which is a motion as asked.
+  EXPECT_THAT(program.text(), HasSubstr("the interim motion in " + (folder / "motion.toml")));
+  EXPECT_TRUE(std::filesystem::remove(folder / "motion.toml"));
   EXPECT_EQ(folder.Listing(), before);
 }
 

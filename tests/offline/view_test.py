@@ -391,7 +391,7 @@ class Live(unittest.TestCase):
     @staticmethod
     def count_at(state):
         """Where a state_t has the number of its joints: before the joints, whose size is known."""
-        joint = 14 * 4 + 4 + 1 + 1 + 8 + 1 + 4
+        joint = 14 * 4 + 4 + 1 + 1 + 8 + 1 + 4 + 4
         return len(state) - 2 * joint - 4
 
     def test_bounds_its_clients_and_ends_at_once_while_they_listen(self):

@@ -11,7 +11,8 @@ namespace tumbler::testing {
 /// The time of a bit at 1 Mbit/s [ns].
 inline constexpr std::int64_t kBit = 1000;
 
-inline CanFrame Frame(std::uint32_t id, std::uint8_t first_byte = 0) {
+/// A frame of eight bytes.
+inline CanFrame LongFrame(std::uint32_t id, std::uint8_t first_byte = 0) {
   CanFrame frame;
   frame.id = id;
   frame.size = 8;
