@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "common/core/functions.h"
 #include "common/core/index.h"
 #include "offline/studies/stated_motors.h"
 
@@ -38,13 +37,6 @@ double Between(double q0, double v0, double q1, double v1, double h, double part
 double SampledAfter(double arrival_s) {
   constexpr double kRounding = 1e-6;  // of a period
   return Replaying::kDriveLoop_s * std::floor(arrival_s / Replaying::kDriveLoop_s + kRounding);
-}
-
-/// A current loop follows exponentially. The constant with which the backward Euler rule of
-/// lanes follows as far in a period of the drives' loop.
-double InLanes(double time_constant_s) {
-  if (time_constant_s <= 0) return 0;
-  return Replaying::kDriveLoop_s / portable::Expm1(Replaying::kDriveLoop_s / time_constant_s);
 }
 
 }  // namespace
@@ -102,7 +94,7 @@ LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
     joint.torque_max = drive.torque_max_nm * torque;
     joint.feed_forward = torque;
     joint.velocity_filter = variation.joints[j].velocity_filter_s;
-    joint.torque_lag = InLanes(variation.joints[j].torque_lag_s);
+    joint.torque_lag = variation.joints[j].torque_lag_s;
     joint.zero_error = variation.joints[j].zero_rad + drive.encoder_bias_rad;
     joint.delay = ActsAfter(drive.arrival_s);
     sampling.bias_rad.push_back(joint.zero_error + drive.wire_bias_rad);
