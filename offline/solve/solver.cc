@@ -71,6 +71,8 @@ constexpr int kLaneEvaluations = 2;
 /// evaluations each, and to this many times the residual that is wanted.
 constexpr int kFirstGridRounds = 3, kGridRounds = 8, kGridEvaluations = 32;
 constexpr double kNearlyOnGrid = 2;
+/// A round after which the cost is larger by more than this part of it leads nowhere.
+constexpr double kAstray = 0.5;
 /// After so many evaluations with the final steps it is looked whether a motion is as asked.
 constexpr int kFirstLook = 24;
 /// So much work is never too dear for a proof: evaluations of the dynamics of packets, half a
@@ -422,7 +424,10 @@ class Campaign {
                                           : std::max(work_ / (1 + before), kWorkOfAProof);
     NearMemory memory;
     for (int round = 0; round < kGridRounds && progress.left > 0 && !interrupted(); ++round) {
+      const double before_round = solution.rollout.cost;
       if (!SolveOnGrid(solution, rollouts, memory, progress.left)) break;
+      // Where the steps of a motion do not do for the next one, lanes lead astray.
+      if (solution.rollout.cost - before_round > kAstray * std::abs(before_round)) break;
       // After the first rounds, only what still gets somewhere goes on.
       const bool stalls =
           solution.end != SolveEnd::kConverged && solution.end != SolveEnd::kEvaluations;
