@@ -121,8 +121,9 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   std::array<S, LaneModel::kMaxJoints> share, followed;
   bool plain = steps.law_every == 1 && !steps.midpoint;
   for (std::size_t j = 0; plain && j < joints; ++j) {
-    const LaneJoint<P>& joint = robot.joints[j];
-    plain = !Any((S(0) < lanes(joint.velocity_filter)) | (S(0) < lanes(joint.torque_lag)));
+    const S filter = lanes(robot.joints[j].velocity_filter),
+            lag = lanes(robot.joints[j].torque_lag);
+    plain = !Any((S(0) < filter) | (S(0) < lag));
   }
   for (std::size_t j = 0; !plain && j < joints; ++j) {
     const S between(h_s * steps.law_every);
