@@ -196,9 +196,10 @@ std::vector<double> RobustRanking::Race(const std::vector<std::vector<double>>& 
         static_cast<int>(runners.size()), task_.options.threads, [&](int i, int /*thread*/) {
           Runner& runner = runners[Index(i)];
           LaneDistances distances = hold_ ? DistancesOf(task_) : LaneDistances{};
-          for (; runner.packets < goal; ++runner.packets)
+          for (; runner.packets < goal; ++runner.packets) {
             runner.sum +=
                 SumOfLosses(runner, ensemble, (first + runner.packets) % packets, distances);
+          }
         });
     std::ranges::stable_sort(runners, {}, loss_of);
     const int dropped = kRungs - 1 - rung;
