@@ -126,8 +126,8 @@ TEST_F(TumblerLog, ReadsALogOfBeforeItWasKnownWhenRepliesWereSampled) {
   ASSERT_EQ(rows.size(), 9U);
   for (const std::string leg : {"leg1", "leg2"}) {
     const auto column = [&](const std::string& name) {
-      return static_cast<std::size_t>(std::ranges::find(rows[0], leg + "_" + name) -
-                                      rows[0].begin());
+      const std::string column_name = fmt::format("{}_{}", leg, name);
+      return static_cast<std::size_t>(std::ranges::find(rows[0], column_name) - rows[0].begin());
     };
     // As tumbler run wrote them then; the fields after it have to be in their places, too.
     EXPECT_EQ(rows[8][column("limited_position_rad")], leg == "leg1" ? "-1.5708803" : "1.570904");
