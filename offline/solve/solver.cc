@@ -675,6 +675,7 @@ SolveOutcome SolveWithManyPoints(const Problem& problem, const SolveOptions& opt
   };
   SolveOptions searching = options;
   searching.accept = refine;
+  searching.interim = {};  // Motions of few points are none of the problem's.
   if (options.calm) {
     // It judges motions of the problem. What was refined has been judged.
     searching.calm = [&](const Solution& solution) {
