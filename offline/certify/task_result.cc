@@ -17,6 +17,7 @@
 #include "offline/certify/space_trial.h"
 #include "offline/problem/take_free.h"
 #include "offline/solve/guess.h"
+#include "offline/solve/robot_loss.h"
 #include "offline/solve/robust_search.h"
 #include "offline/solve/search_in_space.h"
 
@@ -426,8 +427,6 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
 }
 
 TaskResult WorkOnGuesses(std::vector<Task> tasks, const WorkSettings& settings) {
-  // Of robots as they are judged (SolveRobust): one that stands misses less than this.
-  constexpr double kStands = 0.2;
   const auto missed = [](const TaskResult& result) {
     const std::vector<Evaluation>& history = result.outcome.history;
     return history.empty() ? std::numeric_limits<double>::infinity() : history.back().cost;
@@ -439,7 +438,8 @@ TaskResult WorkOnGuesses(std::vector<Task> tasks, const WorkSettings& settings) 
     wall_s += result.wall_s;
     cpu_s += result.cpu_s;
     look_cpu_s += result.look_cpu_s;
-    const bool is_last = result.outcome.interrupted || (result.file && missed(result) < kStands);
+    const bool is_last =
+        result.outcome.interrupted || (result.file && missed(result) < RobotLoss::kCarried);
     const bool is_better = !best || (result.file.has_value() != best->file.has_value()
                                          ? result.file.has_value()
                                          : missed(result) < missed(*best));

@@ -77,9 +77,8 @@ TaskResult WorkOn(Task task, const WorkSettings& settings);
 /// The same from one guess after the other: tasks that differ in their guess alone, of motions that
 /// robots judge (`[robust]`, in the plane). It ends with the first motion on which all but a few
 /// stand.
-/// @returns  that, or else the one of which robots miss least, with the time that all took. Of
-/// those
-///           with a file where one has it.
+/// @returns  that, or else, of those with a file where one has it, the one of which robots miss
+///           least; with the time that all took.
 /// @pre tasks, each with a guess
 TaskResult WorkOnGuesses(std::vector<Task> tasks, const WorkSettings& settings);
 

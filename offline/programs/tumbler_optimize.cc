@@ -179,8 +179,13 @@ ReportData PageOf(const TaskResult& result, const Window& window) {
 std::vector<Task> LoadFromGuesses(const Arguments& arguments) {
   const std::string& path = arguments.tasks.front();
   if (arguments.guesses.empty()) return {Load(arguments, path, "")};
-  std::vector<Task> tasks;
-  for (const std::string& guess : arguments.guesses) tasks.push_back(Load(arguments, path, guess));
+  std::vector<Task> tasks = {Load(arguments, path, arguments.guesses.front())};
+  for (std::size_t i = 1; i < arguments.guesses.size(); ++i) {
+    Task task = tasks.front();
+    TakeGuess(task, LoadNoting(arguments.guesses[i]), arguments.guesses[i]);
+    CheckGuess(task);
+    tasks.push_back(std::move(task));
+  }
   return tasks;
 }
 

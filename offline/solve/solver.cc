@@ -114,8 +114,14 @@ bool Better(const Solution& a, const Solution& b) {
 /// seed alone: threads share the work of a stage, and never decide what comes next.
 class Campaign {
  public:
-  Campaign(const Problem& problem, const SolveOptions& options)
-      : problem_(problem), options_(options), starts_(problem) {
+  /// When it is asked whether motions are as asked: `SolveOptions::accept`.
+  enum class Asks : std::uint8_t {
+    kEarly,  ///< After a few evaluations with the final steps, too.
+    kAtEnd,  ///< Of what is solved alone: asking is dear.
+  };
+
+  Campaign(const Problem& problem, const SolveOptions& options, Asks asks = Asks::kEarly)
+      : problem_(problem), options_(options), asks_(asks), starts_(problem) {
     if (options.contact || LaneRollout::WhyNot(problem)) return;
     for (int t = 0; t < std::max(1, options.threads); ++t) lanes_.emplace_back(problem);
   }
@@ -390,8 +396,8 @@ class Campaign {
             std::min(limits.max_evaluations, limits.enough_after + kMostWithoutProof);
       }
     }
-    if (options_.accept && !lanes_.empty() && !progress.put_off &&
-        limits.max_evaluations > 2 * kFirstLook) {
+    const bool looks = asks_ == Asks::kEarly && options_.accept && !lanes_.empty();
+    if (looks && !progress.put_off && limits.max_evaluations > 2 * kFirstLook) {
       NearLimits first = limits;
       first.max_evaluations = kFirstLook;
       first.enough = 0;
@@ -566,6 +572,7 @@ class Campaign {
 
   const Problem& problem_;
   const SolveOptions& options_;
+  Asks asks_;
   RandomStarts starts_;
   std::mutex mutex_;
   std::vector<Lanes> lanes_;  // by thread; none where lanes do not cover the problem
@@ -683,7 +690,7 @@ SolveOutcome SolveWithManyPoints(const Problem& problem, const SolveOptions& opt
       return !refined.at(solution.start).first.beside_cliff;
     };
   }
-  SolveOutcome outcome = Campaign(coarse, searching).Run();
+  SolveOutcome outcome = Campaign(coarse, searching, Campaign::Asks::kAtEnd).Run();
   // What keeps its limits was refined to be judged. When nothing did, the best one shows why.
   if (refined.empty() && !outcome.solutions.empty()) refine(outcome.solutions.front());
   outcome.solutions.clear();

@@ -608,8 +608,8 @@ class Maker {
   }
 
   /// The A-criterion in units of the wanted deviations: what is known worst counts most.
-  [[nodiscard]] double ValueOf(const Setpoints& setpoints) const {
-    const std::vector<double> deviations = DeviationsAfter(setpoints);
+  /// @param deviations  DeviationsAfter.
+  [[nodiscard]] double CriterionOf(const std::vector<double>& deviations) const {
     if (deviations.empty()) return kUnsafe;
     double squares = 0;
     for (std::size_t i = 0; i < deviations.size(); ++i) {
@@ -618,10 +618,14 @@ class Maker {
     }
     return squares;
   }
+  [[nodiscard]] double ValueOf(const Setpoints& setpoints) const {
+    return CriterionOf(DeviationsAfter(setpoints));
+  }
 
   void TellWhatIsKnown(const Motion& motion, Excitation& result) const {
     result.quantities = prior_.quantities;
     result.deviations = DeviationsAfter(motion.setpoints);
+    result.criterion = CriterionOf(result.deviations);
   }
 
   /// What is known before the motion: the prior, and what records of earlier motions tell.

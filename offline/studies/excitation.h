@@ -43,6 +43,7 @@ struct Excitation {
   /// as standard deviations of coordinates: for the model, if nothing but noise disturbs.
   std::vector<RobotQuantity> quantities;
   std::vector<double> deviations;
+  double criterion = 0;           ///< Of these: the A-criterion, in units of the wanted accuracy.
   double torque_nm = 0;           ///< Largest of any robot.
   double pitch_rad = 0;           ///< Largest turn of any robot's root.
   std::vector<double> joint_rad;  ///< Largest swing of each joint, either way.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 
 #include "common/files/program.h"
 #include "common/files/result_file.h"
@@ -27,30 +28,27 @@ namespace {
 /// The drives of all runs.
 const std::string kDrives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
 
-const std::vector<testing::HiddenRuns>& Excitations() {
-  static const std::vector<testing::HiddenRuns> runs = [] {
-    std::vector<testing::HiddenRuns> made;
-    for (const std::string& file : testing::ExcitationFiles()) made.emplace_back(file, kDrives);
-    return made;
-  }();
+/// @param generations  of the search for better ones; 0: they are only drawn.
+const std::vector<testing::HiddenRuns>& Excitations(int generations = 0) {
+  static std::map<int, std::vector<testing::HiddenRuns>> known;
+  std::vector<testing::HiddenRuns>& runs = known[generations];
+  if (runs.empty()) {
+    for (const std::string& file : testing::ExcitationFiles(generations))
+      runs.emplace_back(file, kDrives);
+  }
   return runs;
 }
 
-std::vector<RecordedMotion> RecordsOf(const testing::HiddenRobot& robot) {
-  return testing::RecordsOf(Excitations(), robot);
+std::vector<RecordedMotion> RecordsOf(const testing::HiddenRobot& robot, int generations = 0) {
+  return testing::RecordsOf(Excitations(generations), robot);
 }
+
+/// Of excitations that tell zeros and lags, as those of the guide do.
+constexpr int kSearched = 6;
 
 double MeanOf(const FitOutcome& fit, RobotQuantity::Kind kind, const std::string& of = "") {
   for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
     if (fit.posterior.quantities[i] == RobotQuantity{kind, of}) return fit.posterior.mean[i];
-  }
-  ADD_FAILURE() << "there is no such quantity";
-  return 0;
-}
-
-double DeviationOf(const FitOutcome& fit, RobotQuantity::Kind kind, const std::string& of = "") {
-  for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
-    if (fit.posterior.quantities[i] == RobotQuantity{kind, of}) return fit.posterior.DeviationOf(i);
   }
   ADD_FAILURE() << "there is no such quantity";
   return 0;
@@ -68,7 +66,7 @@ PosteriorFile FileOf(const RobotPosterior& posterior) {
 TEST(HiddenRobot, IsToldByTwoExcitations) {
   const Scene& scene = Excitations().front().scene();
   const testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 2);
-  const std::vector<RecordedMotion> records = RecordsOf(robot);
+  const std::vector<RecordedMotion> records = RecordsOf(robot, kSearched);
   const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), {});
   EXPECT_FALSE(fit.effective) << fit.chi;
   const Scene varied = Varied(scene, robot.variation);
@@ -79,9 +77,7 @@ TEST(HiddenRobot, IsToldByTwoExcitations) {
   EXPECT_NEAR(MeanOf(fit, Kind::kFriction), CoordinateIn(varied, {Kind::kFriction, ""}), 0.02);
   EXPECT_NEAR(MeanOf(fit, Kind::kStiffness), CoordinateIn(varied, {Kind::kStiffness, ""}), 0.08);
   EXPECT_NEAR(MeanOf(fit, Kind::kSlope), robot.variation.slope_rad, 1e-3);
-  const double zero_sd = DeviationOf(fit, Kind::kZero, "leg1");
-  EXPECT_LT(zero_sd, 1e-3);
-  EXPECT_NEAR(MeanOf(fit, Kind::kZero, "leg1"), robot.variation.joints[0].zero_rad, 2.5 * zero_sd);
+  EXPECT_NEAR(MeanOf(fit, Kind::kZero, "leg1"), robot.variation.joints[0].zero_rad, 1e-3);
   EXPECT_LT(MeanOf(fit, Kind::kVelocityLag), 2e-4);
   // The page is whole, and names what cannot be known.
   const std::string page = IdentifyPage(fit, {}, {});
@@ -122,12 +118,10 @@ TEST(Identify, ALagOfTheCurrentLoopIsFound) {
   for (const double lag_s : {0.3e-3, 0.8e-3}) {
     testing::HiddenRobot robot = testing::DrawHiddenRobot(Excitations().front().scene(), 11, 6);
     robot.torque_lag_s = lag_s;
-    const std::vector<RecordedMotion> records = RecordsOf(robot);
+    const std::vector<RecordedMotion> records = RecordsOf(robot, kSearched);
     const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), {});
     EXPECT_FALSE(fit.effective) << fit.chi;
-    const double sd = DeviationOf(fit, Kind::kTorqueLag);
-    EXPECT_LT(sd, 0.12e-3);
-    EXPECT_NEAR(MeanOf(fit, Kind::kTorqueLag), lag_s, 2 * sd);
+    EXPECT_NEAR(MeanOf(fit, Kind::kTorqueLag), lag_s, 0.1e-3);
   }
 }
 
@@ -182,6 +176,7 @@ TEST(Excitation, IsBetterWhereItIsSearchedForAndKnowsWhatAnotherTells) {
   const Excitation searched = MakeExcitation(task, settings);
   ASSERT_TRUE(searched.file) << searched.cause;
   EXPECT_GT(searched.tried, drawn.tried);
+  EXPECT_LT(searched.criterion, drawn.criterion);
   const std::string first = folder / "first.toml";
   PendingFile(first, ToToml(*drawn.file)).Commit();
   settings.generations = 0;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,22 +16,23 @@
 namespace tumbler::testing {
 
 /// The files of two excitations of few candidates, lying and standing, made once in a process.
-inline const std::vector<std::string>& ExcitationFiles() {
+/// @param generations  of the search for better ones.
+inline const std::vector<std::string>& ExcitationFiles(int generations = 0) {
   static const TemporaryFolder folder;
-  static const std::vector<std::string> files = [] {
-    std::vector<std::string> made;
-    for (const std::string task : {"rise", "stand"}) {
-      ExcitationSettings settings;
-      settings.candidates = 6;
-      settings.generations = 0;
-      const Excitation found =
-          MakeExcitation(SourcePath("primitives/tasks/" + task + ".toml"), settings);
-      EXPECT_TRUE(found.file) << found.cause;
-      made.push_back(folder / (task + ".toml"));
-      PendingFile(made.back(), ToToml(*found.file)).Commit();
-    }
-    return made;
-  }();
+  static std::map<int, std::vector<std::string>> known;
+  const auto [at, is_new] = known.emplace(generations, std::vector<std::string>());
+  std::vector<std::string>& files = at->second;
+  for (const std::string task : {"rise", "stand"}) {
+    if (!is_new) break;
+    ExcitationSettings settings;
+    settings.candidates = 6;
+    settings.generations = generations;
+    const Excitation found =
+        MakeExcitation(SourcePath("primitives/tasks/" + task + ".toml"), settings);
+    EXPECT_TRUE(found.file) << found.cause;
+    files.push_back(folder / (task + std::to_string(generations) + ".toml"));
+    PendingFile(files.back(), ToToml(*found.file)).Commit();
+  }
   return files;
 }
 
