@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <stdexcept>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "common/files/program.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/studies/look_ticks.h"
+#include "runtime/executor/run_procedure.h"
 
 namespace tumbler {
 namespace {
@@ -186,6 +188,42 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const std::uint64_t> indice
   return Play(variations);
 }
 
+void LaneTrials::Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick,
+                      const HeldSetpoints<Packet>& held, LaneState<Packet>& state) const {
+  const std::size_t joints = drives_.size();
+  std::array<bool, kLanes> rocks{};
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    for (std::size_t j = 0; j < joints; ++j) {
+      const double moves_rad = std::abs(robots.joints[j].zero_error.lane(lane));
+      rocks[lane] = rocks[lane] || moves_rad > static_cast<double>(RunProcedure::kRocks_rad);
+    }
+  }
+  if (std::ranges::none_of(rocks, std::identity{})) return;
+  std::vector<LaneSetpoint<Packet>> setpoints;
+  const auto ticks = std::llround(trials_.study().run.rest_s / steps_.tick_s);
+  for (std::int64_t k = 0; k < ticks; ++k) {
+    for (const JointSetpoint& s : tick.setpoints) {
+      setpoints.push_back({Packet::Of(static_cast<double>(s.position_rad)), Packet::Of(0),
+                           Packet::Of(static_cast<double>(s.torque_nm))});
+    }
+  }
+  LaneState<Packet> rested = state;
+  HeldSetpoints<Packet> before = held;
+  LaneWatch<Packet> watch;
+  PacketKernels().front()->drive(model_.model, robots, steps_, setpoints, before, rested, watch);
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    if (!rocks[lane]) continue;
+    for (std::size_t d = 0; d < joints + 3; ++d) {
+      state.q[d].set_lane(lane, rested.q[d].lane(lane));
+      state.v[d].set_lane(lane, rested.v[d].lane(lane));
+    }
+    for (std::size_t j = 0; j < joints; ++j) {
+      state.seen[j].set_lane(lane, rested.seen[j].lane(lane));
+      state.exerted[j].set_lane(lane, rested.exerted[j].lane(lane));
+    }
+  }
+}
+
 std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> variations) const {
   const SequenceFile& file = trials_.motion().file();
   const Script& script = trials_.script();
@@ -210,7 +248,7 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
   const LaneKernel<Packet>& kernel = *PacketKernels().front();
   std::vector<LaneSetpoint<Packet>> setpoints;
   TickRecord record;
-  bool begun = false;
+  bool begun = false, free = false;
   for (std::size_t look = 0; look + 1 < looks_.size(); ++look) {
     const std::size_t k = looks_[look], next = looks_[look + 1];
     const ScriptTick& tick = script.ticks[k];
@@ -231,6 +269,8 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
       for (std::size_t lane = 0; lane < variations.size(); ++lane)
         Displace(state, lane, trials_.scene().robot, variations[lane]);
     }
+    if (!free) Rest(packed, tick, held, state);
+    free = true;
     setpoints.clear();
     for (std::size_t t = k; t < next; ++t) TellAll(script, t, judged, setpoints);
     kernel.drive(model_.model, packed, steps_, setpoints, held, state, watch);

@@ -37,6 +37,12 @@ class LaneTrials {
   [[nodiscard]] const Trials& trials() const { return trials_; }
 
  private:
+  /// Lets robots whose encoders' zeros are wrong rest at the start before the motion, as they do
+  /// in a run (RunProcedureConfig::rest_ticks).
+  /// @param tick  the first in which they are not held.
+  /// @param state  gets theirs; that of the others stays.
+  void Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick,
+            const HeldSetpoints<Packet>& held, LaneState<Packet>& state) const;
   [[nodiscard]] LaneRobot<double> RobotOf(const Scene& scene,
                                           const RobotVariation& variation) const;
 

@@ -318,6 +318,11 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
   LieWatch lie;
   bool begun = false;
+  // The ticks in which the motion begins, here and for the model; below 0: it has not.
+  int begins = -1;
+  const auto model_begins = static_cast<int>(
+      std::ranges::find(script_.ticks, ExecutorState::kRunning, &ScriptTick::state) -
+      script_.ticks.begin());
   int settled = -1, fell_after = -1;  // nodes
   for (std::size_t k = 0; run.Step(); ++k) {
     const TwinState& truth = robot.state();
@@ -329,9 +334,13 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
         LiesInItself(varied, truth.joint_positions_rad)) {
       return std::nullopt;
     }
-    // From a get-up on the robot does something else than the model.
-    if (!dropped && k < script_.ticks.size() && loop.statistics().get_ups == 0)
-      departure.Observe(script_.ticks[k], truth.root_pitch_rad);
+    // From a get-up on the robot does something else than the model. Until its motion begins, for
+    // which it may rest longer, it is beside what the model is until then.
+    if (begins < 0 && loop.record().state == ExecutorState::kRunning) begins = static_cast<int>(k);
+    const int at = begins < 0 ? std::min(static_cast<int>(k), model_begins - 1)
+                              : static_cast<int>(k) - begins + model_begins;
+    if (!dropped && at >= 0 && Index(at) < script_.ticks.size() && loop.statistics().get_ups == 0)
+      departure.Observe(script_.ticks[Index(at)], truth.root_pitch_rad);
     if (observe) observe(loop, robot);
     if (!begun && loop.record().state == ExecutorState::kRunning) {
       begun = true;

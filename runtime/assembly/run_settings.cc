@@ -114,6 +114,7 @@ RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesCo
   config.hold_ticks = ticks(settings.hold_s);
   config.reply_ticks_max = ticks(first_reply_ms / 1000.0);
   config.start_ticks_max = ticks(1);
+  config.rest_ticks = ticks(settings.rest_s);
   config.stop_hold_ticks = ticks(0.5);
   config.fault_ticks = ticks(1);
   const RunEnd end = settings.end.value_or(graph.end);

@@ -19,6 +19,7 @@ struct RunSettings {
   int begin = -1;         ///< Node with which the run begins, by the operator; see ExecutorConfig.
   int get_ups = 0;        ///< How often a robot that falls gets up; see ExecutorConfig.
   double hold_s = 2;      ///< Hold after the motion has settled.
+  double rest_s = 0.5;    ///< Rest after a move to the start; see RunProcedureConfig.
   bool attended = false;  ///< See RunProcedureConfig.
   bool clear = false;     ///< Whether the drives are to forget latched errors before arming.
   /// The end of the run, in place of that of the motion's file.

@@ -76,6 +76,19 @@ void RunProcedure::NoteStand(const TickRecord& last) noexcept {
     stands_ = (config_.safe_nodes >> static_cast<unsigned>(last.node) & 1U) != 0;
 }
 
+void RunProcedure::NoteSetpoints(const TickRecord& last) noexcept {
+  for (std::size_t i = 0; i < last.joint_count; ++i)
+    before_move_rad_[i] = last.joints[i].limited.position_rad;
+}
+
+bool RunProcedure::HasRocked(const TickRecord& last) const noexcept {
+  for (std::size_t i = 0; i < last.joint_count; ++i) {
+    const float moved_rad = last.joints[i].limited.position_rad - before_move_rad_[i];
+    if (moved_rad > kRocks_rad || moved_rad < -kRocks_rad) return true;
+  }
+  return false;
+}
+
 Refusal RunProcedure::RequestStart(const TickRecord& last) noexcept {
   if (phase_ != Phase::kWait) return Refusal::kWrongState;
   if (IsFaulty(last)) return Refusal::kFaultLatched;
@@ -165,8 +178,10 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   const Refusal refused = own ? last.refusal.refusal : Refusal::kNone;
   switch (phase_) {
     case Phase::kArm:
-      if (last.state == ExecutorState::kHolding)
+      if (last.state == ExecutorState::kHolding) {
+        NoteSetpoints(last);
         return Go(Phase::kMove, OperatorCommand::kMoveToStart);
+      }
       if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;
       if (OperatorCommand clear = OperatorCommand::kNone; !Clear(last, clear)) return clear;
       if (refused != Refusal::kNone &&
@@ -179,8 +194,13 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
                                                                  : OperatorCommand::kNone;
     case Phase::kMove:
       // The first record after the command already shows the move.
-      if (last.state == ExecutorState::kHolding) return Go(Phase::kStart, OperatorCommand::kRun);
-      return OperatorCommand::kNone;
+      if (last.state != ExecutorState::kHolding) return OperatorCommand::kNone;
+      if (config_.rest_ticks > 0 && HasRocked(last))
+        return Go(Phase::kRest, OperatorCommand::kNone);
+      return Go(Phase::kStart, OperatorCommand::kRun);
+    case Phase::kRest:
+      if (ticks_ < config_.rest_ticks) return OperatorCommand::kNone;
+      return Go(Phase::kStart, OperatorCommand::kRun);
     case Phase::kStart:
       if (last.state == ExecutorState::kRunning) return Go(Phase::kRun, OperatorCommand::kNone);
       if (refused != Refusal::kNone && (!MayPass(refused) || ticks_ > config_.start_ticks_max)) {

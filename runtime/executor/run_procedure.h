@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/core/realtime.h"
@@ -15,6 +16,9 @@ struct RunProcedureConfig {
   std::int64_t reply_ticks_max = 500;
   /// The time in which the joints have to come to rest in the start set after the move.
   std::int64_t start_ticks_max = 1000;
+  /// How long the robot rests at the start when the move there has rocked it: when a joint's
+  /// setpoint moved by more than `RunProcedure::kRocks_rad`.
+  std::int64_t rest_ticks = 0;
   /// Hold after a stop of the operator, before torque off.
   std::int64_t stop_hold_ticks = 500;
   /// How long the reaction to a fault is carried out before torque off.
@@ -70,6 +74,11 @@ enum class EndHold : std::uint8_t {
 /// a drive does not hold its joint for `fault_ticks` of that hold, the torque is taken off.
 class RunProcedure {
  public:
+  /// What a joint moves in a few ticks on the way to the start without rocking the robot: some
+  /// counts of an encoder. A motion is planned from rest, and a robot that rocks when it begins
+  /// may fall in it.
+  static constexpr float kRocks_rad = 2e-3F;
+
   explicit RunProcedure(const RunProcedureConfig& config) noexcept
       : config_(config),
         phase_(config.attended ? Phase::kWait : Phase::kArm),
@@ -116,6 +125,7 @@ class RunProcedure {
     kWait,
     kArm,
     kMove,
+    kRest,
     kStart,
     kRun,
     kHold,
@@ -136,6 +146,10 @@ class RunProcedure {
   /// Holds the robot until somebody asks for torque off.
   OperatorCommand HoldOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
+  /// Notes where the setpoints are before the move to the start.
+  void NoteSetpoints(const TickRecord& last) noexcept;
+  /// Whether the move to the start has rocked the robot.
+  [[nodiscard]] bool HasRocked(const TickRecord& last) const noexcept;
   /// Takes the torque off, after what has to be done before.
   OperatorCommand LetDown(RunOutcome outcome, const TickRecord& last) noexcept;
   void NoteStand(const TickRecord& last) noexcept;
@@ -155,6 +169,7 @@ class RunProcedure {
   int late_requests_ = 0;
   bool stands_ = true;    // whether the robot stands without torque, as far as is known
   bool lowered_ = false;  // whether the robot was lowered in this run
+  std::array<float, kMaxJoints> before_move_rad_{};  // setpoints
   std::int64_t clearing_ticks_ = 0;
   bool running_ = true;           // whether what is disarmed is a run, not the wait for one
   bool homed_ = false;            // whether the way home was tried in this run

@@ -39,7 +39,7 @@ static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
               60 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
                   sizeof(CollapseConfig));
-static_assert(sizeof(RunProcedureConfig) == 88);
+static_assert(sizeof(RunProcedureConfig) == 96);
 
 /// Calls `visit(field, value)` for every number of a configuration, with a ConfigField.
 template <typename Config, typename Visit>
@@ -91,6 +91,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit(ConfigField{"hold_ticks", Repetition::kOfMotion}, config.hold_ticks);
   visit(ConfigField{"reply_ticks_max", Repetition::kOfNow}, config.reply_ticks_max);
   visit(ConfigField{"start_ticks_max", Repetition::kOfNow}, config.start_ticks_max);
+  visit(ConfigField{"rest_ticks", Repetition::kOfNow, "", true}, config.rest_ticks);
   visit(ConfigField{"stop_hold_ticks", Repetition::kOfNow}, config.stop_hold_ticks);
   visit(ConfigField{"fault_ticks", Repetition::kOfNow}, config.fault_ticks);
   visit(ConfigField{"lower_ticks", kEnd, "--end", true}, config.lower_ticks);

@@ -121,6 +121,7 @@ TEST(RepeatedFields, NoNumberOfARunIsWithoutARuleThatWasThoughtAbout) {
       {"hold_ticks", R::kOfMotion},
       {"reply_ticks_max", R::kOfNow},
       {"start_ticks_max", R::kOfNow},
+      {"rest_ticks", R::kOfNow},
       {"stop_hold_ticks", R::kOfNow},
       {"fault_ticks", R::kOfNow},
       {"lower_ticks", R::kEnd},

@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <random>
+#include <vector>
 
 #include "runtime/executor/run_procedure.h"
 #include "tests/support/executor_rig.h"
@@ -51,6 +54,44 @@ TEST_F(RunSequenceTest, CompletesARun) {
   EXPECT_EQ(Ticks(ExecutorState::kRunning), rig.executor.run_ticks() + 1);
   EXPECT_GE(Ticks(ExecutorState::kHolding), 50);
   EXPECT_GE(Ticks(ExecutorState::kDisarmed), 10);
+}
+
+TEST_F(RunSequenceTest, RestsAtTheStartWhereTheMoveThereHasRockedTheRobotAndOnlyThere) {
+  RunProcedureConfig config = testing::ShortRun();
+  config.rest_ticks = 70;
+  std::vector<float> start_rad;
+  for (const auto& drive : rig.drives) start_rad.push_back(drive->reply.position_rad);
+  for (const float off_rad : {0.0F, 0.0015F, 0.0025F, 0.03F, -0.0025F}) {
+    SetUpAnew(config);
+    for (std::size_t j = 0; j < start_rad.size(); ++j)
+      rig.drives[j]->reply.position_rad = start_rad[j];
+    rig.drives[1]->reply.position_rad += off_rad;
+    int rested = 0;
+    bool moved = false;
+    Play([&] {
+      const ExecutorState state = rig.output.record.state;
+      moved = moved || state == ExecutorState::kMovingToStart;
+      if (state == ExecutorState::kHolding && Ticks(ExecutorState::kRunning) == 0 && moved)
+        ++rested;
+    });
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
+    EXPECT_NEAR(rested, std::abs(off_rad) > RunProcedure::kRocks_rad ? 71 : 1, 1) << off_rad;
+  }
+}
+
+TEST_F(RunSequenceTest, AStopWhileItRestsAtTheStartIsAStop) {
+  RunProcedureConfig config = testing::ShortRun();
+  config.rest_ticks = 70;
+  SetUpAnew(config);
+  rig.drives[1]->reply.position_rad += 0.03F;
+  bool moved = false;
+  Play([&] {
+    const ExecutorState state = rig.output.record.state;
+    moved = moved || state == ExecutorState::kMovingToStart;
+    if (moved && state == ExecutorState::kHolding) procedure.RequestStop();
+  });
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(Ticks(ExecutorState::kRunning), 0);
 }
 
 TEST_F(RunSequenceTest, LowersTheRobotBeforeTorqueOffWhenItIsTo) {
