@@ -33,7 +33,7 @@ std::array<double, Packet::kLanes> RobotLoss::Off(const LaneState<Packet>& state
   return off;
 }
 
-double RobotLoss::Of(double settled, double off, double speed) const {
+double RobotLoss::Of(double settled, double off, double speed, double astray) const {
   const double t = 0.96 * tolerance_rad_, w = 1.2 * CostTerm::kRateTolerance;
   if (off < t && settled < t && speed < w) {
     const double still = settled / tolerance_rad_, slow = speed / w;
@@ -43,7 +43,7 @@ double RobotLoss::Of(double settled, double off, double speed) const {
     return 0.35 + 0.15 * std::min(1.0, settled / (2 * tolerance_rad_)) + 0.15 * speed;
   // A robot that is still near when the settle phase ends falls later, and is better than one
   // that never came near.
-  return 1 + 0.2 * std::min(1.0, settled / 2) + 0.1 * std::min(1.0, off / 3);
+  return 1 + 0.2 * astray + 0.1 * std::min(1.0, off / 3);
 }
 
 }  // namespace tumbler

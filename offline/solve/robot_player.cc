@@ -18,6 +18,9 @@ namespace {
 /// How often the own shapes are looked at [ticks], and up to which distance [m].
 constexpr int kLookAtShapes = 2;
 constexpr double kNearShapes_m = 1e-3;
+/// How often it is looked at where robots are, and from how long before the end of the motion on
+/// [ticks].
+constexpr int kLookAtWay = 25, kBeforeEnd = 100;
 /// How many robots are looked at, for each that is wanted, to find those that no motion carries;
 /// and in how many packets at a time.
 constexpr int kLookedForEach = 200;
@@ -137,6 +140,14 @@ std::array<double, Packet::kLanes> RobotLosses(const RobustTask& task, const Ens
   PacketPlay play(task, ensemble, packet, motion, distances);
   const int settled_tick = motion.ticks + RobustTask::Ticks(task.problem.settle_s);
   const int end = task.LastTick(motion.ticks);
+  std::array<double, Packet::kLanes> astray{};
+  int looks = 0;
+  for (int tick = std::max(0, motion.ticks - kBeforeEnd); tick < settled_tick; tick += kLookAtWay) {
+    play.Advance(tick);
+    const std::array<double, Packet::kLanes> now = play.Off();
+    for (std::size_t lane = 0; lane < now.size(); ++lane) astray[lane] += std::min(1.0, now[lane]);
+    ++looks;
+  }
   play.Advance(settled_tick);
   const std::array<double, Packet::kLanes> settled = play.Off();
   play.Advance(end - RobustTask::Ticks(RobustTask::kWatched_s));
@@ -146,7 +157,8 @@ std::array<double, Packet::kLanes> RobotLosses(const RobustTask& task, const Ens
   std::array<double, Packet::kLanes> losses;
   for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
     losses[lane] = play.faulty(lane) ? RobotLoss::kFault
-                                     : task.loss.Of(settled[lane], off[lane], play.speed(lane));
+                                     : task.loss.Of(settled[lane], off[lane], play.speed(lane),
+                                                    astray[lane] / looks);
   }
   return losses;
 }

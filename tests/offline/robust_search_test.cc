@@ -20,6 +20,7 @@
 #include "offline/scene/self_clearance.h"
 #include "offline/solve/cma_es.h"
 #include "offline/solve/lane_feedback.h"
+#include "offline/solve/robot_loss.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 
@@ -420,6 +421,19 @@ TEST(LaneFeedback, CorrectsByGainsWithinLimitsAndFadesInAsTheExecutorDoes) {
   EXPECT_EQ(CorrectionAfter(100, patient, 0.09, 1), 0) << "within the dead zone";
   EXPECT_NEAR(CorrectionAfter(100, patient, 0.15, 0), 0.15, 1e-12) << "half of the way out";
   EXPECT_NEAR(CorrectionAfter(100, patient, 0.2, -1), 0.3, 1e-12);
+}
+
+TEST(RobotLoss, OfRobotsThatFallTheOneIsBetterThatStaysNearForLonger) {
+  const Problem problem = ProblemOf(QuickRobustTask());
+  const RobotLoss loss(problem);
+  constexpr double kLies = 1.5, kStill = 0;
+  double least = loss.Of(kLies, kLies, kStill, 1);
+  for (const double astray : {0.9, 0.6, 0.2, 0.05}) {
+    const double now = loss.Of(kLies, kLies, kStill, astray);
+    EXPECT_LT(now, least);
+    EXPECT_GT(now, 1);
+    least = now;
+  }
 }
 
 TEST(RobustSearch, ATargetOfTheRootsPlaceIsLookedAt) {
