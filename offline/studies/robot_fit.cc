@@ -494,6 +494,27 @@ FitPrior PriorOfRecords(std::span<const RecordedMotion> records, bool weighed) {
   return {std::move(prior), {}, {}};
 }
 
+namespace {
+
+/// Begins with the first record, and goes on from what explains it with each further one: a motion
+/// that leads astray whoever knows nothing of the robot says more of one that is nearly known.
+VectorXd GrowFromFirst(std::span<const RecordedMotion> records, const FitPrior& prior,
+                       const FitSettings& settings) {
+  constexpr double kNear = 6;  // Noise with which a fit goes on, in its true size.
+  FitSettings of = settings;
+  VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
+  for (std::size_t count = 1; count < records.size(); ++count) {
+    Objective objective(records.first(count), prior, of);
+    Fitter fitter(objective, of);
+    u = fitter.From(objective.Allowed(u)).u;
+    of.annealing = {kNear, 1};
+    if (fitter.Interrupted()) break;
+  }
+  return u;
+}
+
+}  // namespace
+
 FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& prior,
                     const FitSettings& settings) {
   if (records.empty()) throw std::invalid_argument("a fit needs a record");
@@ -503,6 +524,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   Objective objective(records, prior, settings);
   Fitter fitter(objective, settings);
   Found best;
+  const auto chi_of = [&](const Found& found) { return ChiOf(Split(objective, found.residuals)); };
   for (int start = 0; start < settings.starts && !fitter.Interrupted(); ++start) {
     VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
     Normal normal(1, static_cast<std::uint64_t>(start));
@@ -511,13 +533,17 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     const Found found = fitter.From(objective.Allowed(u));
     ++outcome.starts;
     if (found.value < best.value || best.u.size() == 0) best = found;
-    if (ChiOf(Split(objective, best.residuals)) <= settings.chi_max) break;
+    if (chi_of(best) <= settings.chi_max) break;
+    if (start > 0 || records.size() == 1 || fitter.Interrupted()) continue;
+    const Found grown = fitter.From(objective.Allowed(GrowFromFirst(records, prior, settings)));
+    ++outcome.starts;
+    if (grown.value < best.value) best = grown;
+    if (chi_of(best) <= settings.chi_max) break;
   }
   outcome.interrupted = fitter.Interrupted();
   outcome.first_deviations = objective.deviations();
   if (best.u.size() == 0) return outcome;
   double noise = 1;
-  const auto chi_of = [&](const Found& found) { return ChiOf(Split(objective, found.residuals)); };
   if (chi_of(best) > settings.chi_max && !outcome.interrupted) {
     const Effective effective = FitEffective(objective, records.front().tick_s, fitter, best);
     // That may be nearer to a robot that explains the records than any other start was.

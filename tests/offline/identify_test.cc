@@ -87,6 +87,24 @@ TEST(HiddenRobot, IsToldByTwoExcitations) {
   EXPECT_NE(page.find("</html>"), std::string::npos);
 }
 
+TEST(HiddenRobot, IsToldByAMotionThatLeadsAstrayWhoKnowsNothingOfTheRobot) {
+  const testing::HiddenRobot robot = testing::DrawHiddenRobot(Excitations().front().scene(), 11, 4);
+  std::vector<RecordedMotion> records = RecordsOf(robot, kSearched);
+  const testing::TemporaryFolder folder;
+  const testing::HiddenRuns sway(testing::SourcePath("tests/data/identify/wild_sway.toml"),
+                                 kDrives);
+  ASSERT_TRUE(sway.Record(robot, folder / "sway.rec"));
+  records.push_back(ReadRecordedMotion(folder / "sway.rec"));
+  FitSettings settings;
+  settings.starts = 1;
+  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
+  EXPECT_FALSE(fit.effective) << fit.chi;
+  EXPECT_EQ(fit.starts, 2) << "begun with all records at once it is found, too";
+  const Scene varied = Varied(Excitations().front().scene(), robot.variation);
+  EXPECT_NEAR(MeanOf(fit, Kind::kMass, "middle"), CoordinateIn(varied, {Kind::kMass, "middle"}),
+              0.04);
+}
+
 TEST(Identify, AWeightTellsTheTorqueConstant) {
   const Scene& scene = Excitations().front().scene();
   testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 3);
