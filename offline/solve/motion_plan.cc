@@ -4,17 +4,16 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <stdexcept>
 
 #include "common/core/index.h"
+#include "offline/problem/feed_forward_knots.h"
 
 namespace tumbler {
 namespace {
 
 constexpr int kPlanSteps = 4;  // in a tick
 constexpr double kPlanStep_s = RobustTask::kTick_s / kPlanSteps;
-/// Thinning of the feed-forward: half the width of a triangle [ticks], as wide as the knots of a
-/// primitive's torque.
-constexpr int kSmoothing_ticks = 12;
 /// Parts of the contact's layer and of the torque limit that a plan may use. The certificate and
 /// the second look take finer steps than lanes do, and refuse a motion above the whole.
 constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
@@ -22,6 +21,75 @@ constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
 /// on the ground of a posterior, which may damp little. There a robot rocks less in the steps of
 /// lanes than in those of the second look.
 constexpr double kRestsOtherwise = 0.7, kRestsOnKnownGround = 0.4;
+
+/// Splines with the knots of a primitive's feed-forward, by values at every tick.
+class TickSpline {
+ public:
+  explicit TickSpline(int ticks) {
+    const std::vector<double> knots = FeedForwardKnots(ticks * RobustTask::kTick_s);
+    std::vector<double> points(knots.size() - kFeedForwardDegree - 1);
+    Spline spline;
+    if (spline.Assign(kFeedForwardDegree, knots, points) != Status::kOk)
+      throw std::logic_error("the spline of a feed-forward could not be set up");
+    for (int k = 0; k <= ticks; ++k)
+      weights_.push_back(spline.EvaluateWeights(k * RobustTask::kTick_s));
+    Factor(points.size());
+  }
+
+  /// The control points of the least-squares spline through a value for each tick.
+  [[nodiscard]] std::vector<double> Fit(const std::vector<double>& values) const {
+    std::vector<double> x(factor_.size());
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      for (std::size_t a = 0; a < kBand; ++a)
+        x[Index(weights_[k].first) + a] += weights_[k].w[0][a] * values[k];
+    }
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      for (std::size_t d = 1; d < kBand && d <= i; ++d) x[i] -= factor_[i][d] * x[i - d];
+      x[i] /= factor_[i][0];
+    }
+    for (std::size_t i = x.size(); i-- > 0;) {
+      for (std::size_t d = 1; d < kBand && i + d < x.size(); ++d)
+        x[i] -= factor_[i + d][d] * x[i + d];
+      x[i] /= factor_[i][0];
+    }
+    return x;
+  }
+  [[nodiscard]] double At(std::size_t tick, const std::vector<double>& points) const {
+    double sum = 0;
+    for (std::size_t a = 0; a < kBand; ++a)
+      sum += weights_[tick].w[0][a] * points[Index(weights_[tick].first) + a];
+    return sum;
+  }
+
+ private:
+  using Spline = JointMotion<double>::Spline;
+  static constexpr std::size_t kBand = kFeedForwardDegree + 1;
+
+  /// Factors the matrix of the normal equations, L L^T, where [i][d] is row i, column i - d: basis
+  /// functions that are farther apart do not overlap.
+  void Factor(std::size_t count) {
+    factor_.resize(count);
+    for (const Spline::Weights& weights : weights_) {
+      for (std::size_t a = 0; a < kBand; ++a) {
+        for (std::size_t b = 0; b <= a; ++b)
+          factor_[Index(weights.first) + a][a - b] += weights.w[0][a] * weights.w[0][b];
+      }
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      for (std::size_t d = std::min(i, kBand - 1); d > 0; --d) {
+        for (std::size_t e = d + 1; e < kBand && e <= i; ++e)
+          factor_[i][d] -= factor_[i][e] * factor_[i - d][e - d];
+        factor_[i][d] /= factor_[i - d][0];
+      }
+      for (std::size_t d = 1; d < kBand && d <= i; ++d)
+        factor_[i][0] -= factor_[i][d] * factor_[i][d];
+      factor_[i][0] = std::sqrt(factor_[i][0]);
+    }
+  }
+
+  std::vector<Spline::Weights> weights_;  // by tick
+  std::vector<std::array<double, kBand>> factor_;
+};
 
 }  // namespace
 
@@ -68,7 +136,7 @@ std::vector<MotionPlan> MotionPlanner::Plans(
       const double limit = kLargestTorque * problem.joints[j].limits.torque_max_nm;
       plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
     }
-    plans[m].feed_forward = Smoothed(torques, m, motion_.Ticks(motions[m]));
+    plans[m].feed_forward = FeedForwardOf(torques, m, motion_.Ticks(motions[m]));
   }
   return plans;
 }
@@ -94,24 +162,26 @@ void MotionPlanner::NoteUnrest(const PacketSetpoints& setpoints, LaneState<Packe
   }
 }
 
-std::vector<double> MotionPlanner::Smoothed(const std::vector<Packet>& torques, std::size_t lane,
-                                            int ticks) const {
-  const int count = static_cast<int>(torques.size() / task_.joints);
-  std::vector<double> smoothed;
-  for (int k = 0; k <= ticks; ++k) {
-    for (std::size_t j = 0; j < task_.joints; ++j) {
-      double sum = 0, weights = 0;
-      for (int m = -kSmoothing_ticks; m <= kSmoothing_ticks; ++m) {
-        const int step = (k + m) * kPlanSteps;
-        if (step < 0 || step >= count) continue;
-        const double weight = kSmoothing_ticks + 1 - std::abs(m);
-        sum += weight * torques[Index(step) * task_.joints + j].lane(lane);
-        weights += weight;
-      }
-      smoothed.push_back(sum / weights);
+std::vector<double> MotionPlanner::FeedForwardOf(const std::vector<Packet>& torques,
+                                                 std::size_t lane, int ticks) const {
+  const TickSpline spline(ticks);
+  const std::size_t joints = task_.joints, end = Index(ticks) * kPlanSteps;
+  std::vector<double> feed_forward((Index(ticks) + 1) * joints);
+  std::vector<double> samples(Index(ticks) + 1);
+  for (std::size_t j = 0; j < joints; ++j) {
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      const std::size_t step = std::min(k * kPlanSteps, torques.size() / joints - 1);
+      samples[k] = torques[step * joints + j].lane(lane);
     }
+    std::vector<double> points = spline.Fit(samples);
+    const double limit = task_.problem.joints[j].limits.torque_max_nm;
+    if (task_.problem.held_torque == HeldTorque::kRest && torques.size() > end * joints)
+      points.back() = torques[torques.size() - joints + j].lane(lane);
+    for (double& point : points) point = std::clamp(point, -limit, limit);
+    for (std::size_t k = 0; k < samples.size(); ++k)
+      feed_forward[k * joints + j] = spline.At(k, points);
   }
-  return smoothed;
+  return feed_forward;
 }
 
 PacketSetpoints MotionPlanner::SetpointsOf(const std::vector<double>& x,

@@ -41,9 +41,11 @@ class MotionPlanner {
   /// Adds to the excess of plans how far they are from rest.
   void NoteUnrest(const PacketSetpoints& setpoints, LaneState<Packet>& state,
                   std::vector<MotionPlan>& plans) const;
-  /// The torques of a lane, one for each tick and joint, averaged over their neighbours.
-  [[nodiscard]] std::vector<double> Smoothed(const std::vector<Packet>& torques, std::size_t lane,
-                                             int ticks) const;
+  /// The feed-forward of a lane as its primitive will have it (FeedForward, in
+  /// offline/certify/certificate.h): the least-squares spline through the torques, for each tick
+  /// and joint.
+  [[nodiscard]] std::vector<double> FeedForwardOf(const std::vector<Packet>& torques,
+                                                  std::size_t lane, int ticks) const;
 
   const RobustTask& task_;
   const RobustMotion& motion_;

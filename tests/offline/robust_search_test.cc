@@ -14,12 +14,16 @@
 #include <string>
 #include <vector>
 
+#include "common/core/index.h"
+#include "common/files/primitive_toml.h"
 #include "common/files/toml_reader.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/robot_posterior.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/solve/cma_es.h"
+#include "offline/solve/guess.h"
 #include "offline/solve/lane_feedback.h"
+#include "offline/solve/motion_plan.h"
 #include "offline/solve/robot_loss.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
@@ -421,6 +425,32 @@ TEST(LaneFeedback, CorrectsByGainsWithinLimitsAndFadesInAsTheExecutorDoes) {
   EXPECT_EQ(CorrectionAfter(100, patient, 0.09, 1), 0) << "within the dead zone";
   EXPECT_NEAR(CorrectionAfter(100, patient, 0.15, 0), 0.15, 1e-12) << "half of the way out";
   EXPECT_NEAR(CorrectionAfter(100, patient, 0.2, -1), 0.3, 1e-12);
+}
+
+TEST(MotionPlanner, TellsRobotsTheFeedForwardThatThePrimitiveWillHave) {
+  for (const std::string name : {"handstand", "downstand", "roll"}) {
+    const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+    Task task = LoadTask(testing::SourcePath("primitives/tasks/" + name + ".toml"));
+    TakeGuess(task, file, name);
+    const SolveOptions options;
+    const RobustTask robust(task.problem, options, {});
+    const RobustMotion motion(robust);
+    const std::vector<double> x = motion.Reduce(task.guess);
+    const MotionPlan plan = MotionPlanner(robust, motion).Plans({x}).front();
+    for (std::size_t j = 0; j < robust.joints; ++j) {
+      const auto& told = file.primitive.motions()[j].torque;
+      // Steps of lanes are coarser than those of a primitive, and impacts are shorter than either.
+      constexpr double kImpact_nm = 0.5, kSteps_nm = 0.05;
+      double sum = 0;
+      for (int k = 0; k <= motion.Ticks(x); ++k) {
+        const double off_nm = plan.FeedForward(Index(k) * robust.joints + j, robust.joints) -
+                              told.Evaluate(k * RobustTask::kTick_s).value;
+        EXPECT_NEAR(off_nm, 0, kImpact_nm) << name << ", joint " << j << ", tick " << k;
+        sum += std::abs(off_nm);
+      }
+      EXPECT_LT(sum / motion.Ticks(x), kSteps_nm) << name << ", joint " << j;
+    }
+  }
 }
 
 TEST(RobotLoss, OfRobotsThatFallTheOneIsBetterThatStaysNearForLonger) {
