@@ -11,7 +11,7 @@ namespace tumbler {
 const LaneKernel<Packet>& Avx512Kernel();
 const LaneKernel<Packet>& Avx512Kernel() {
   static constexpr LaneKernel<Packet> kernel{
-      "AVX-512", DriveLanes<Packet, Vector<8>>, DriveLanesClassically<Packet, Vector<8>>,
+      "AVX-512", DriveLanes<Packet, Vector<8>>, DriveLanesClassically<Packet, Vector<8>, Vector<4>>,
       DriveSpaceLanesClassically<Packet, Vector<8>>, PrescribeLanes<Packet, Vector<8>>};
   return kernel;
 }
