@@ -74,7 +74,8 @@ class SolvedSteps {
               : LaneRollout(problem_, problem_.solver.step_s, LanePlan::Scheme::kRungeKutta);
     for (std::size_t first = 0; first < x.size(); first += Packet::kLanes) {
       const auto packet = x.subspan(first, std::min(Packet::kLanes, x.size() - first));
-      for (const RolloutResult& result : lanes.Run(packet, false)) costs.push_back(result.cost);
+      for (const RolloutResult& result : lanes.Run(packet, LaneRollout::Wanted::kCost))
+        costs.push_back(result.cost);
     }
     return costs;
   }

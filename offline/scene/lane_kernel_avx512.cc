@@ -3,6 +3,7 @@
 
 #define TUMBLER_LANES_NAMESPACE lanes_avx512
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_peaks.h"
 #include "offline/scene/lane_plan.h"
 #include "offline/scene/lane_steps.h"
 
@@ -19,7 +20,8 @@ const LaneKernel<Packet>& Avx512Kernel() {
 const LanePlanKernel<Packet>& Avx512PlanKernel();
 const LanePlanKernel<Packet>& Avx512PlanKernel() {
   static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vector<8>>,
-                                                 RunSpaceLanePlans<Packet, Vector<8>>};
+                                                 RunSpaceLanePlans<Packet, Vector<8>>,
+                                                 FindLanePeaks<Packet, Vector<8>>};
   return kernel;
 }
 
