@@ -464,7 +464,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   if (const auto kkt = FinerKktResidual(problem, solution.x))
     certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);
-  const SolvedSteps steps(problem, SolvedGrid(problem, solution.x));
+  const SolvedSteps steps(problem,
+                          solution.steps ? solution.steps : SolvedGrid(problem, solution.x));
   certificate.step_halving_error_rad = Apart(FinalRoot(problem, solution.x, steps.AsSolved()),
                                              FinalRoot(problem, solution.x, steps.Finer()));
   if (problem.target_pitch_rad)
