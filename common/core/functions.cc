@@ -14,6 +14,7 @@
 #include <limits>
 #include <numbers>
 
+#include "common/core/exponential.h"
 #include "common/core/sine_cosine.h"
 
 namespace tumbler::portable {
@@ -21,12 +22,6 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-// The natural logarithm of 2 in two parts, of which the first has few digits: its product with the
-// exponent of a double is exact.
-constexpr double kLn2High = 6.93147180369123816490e-01;
-constexpr double kLn2Low = 1.90821492927058770002e-10;
-constexpr double kOneByLn2 = 1.44269504088896338700e+00;
 
 constexpr double kExpOverflows = 7.09782712893383973096e+02;
 constexpr double kExpVanishes = -7.45133219101941108420e+02;
@@ -54,20 +49,6 @@ Parts Split(double x) {
   const auto k = static_cast<int>(bits >> 52U) - 1023;
   constexpr std::uint64_t kFraction = (std::uint64_t{1} << 52U) - 1;
   return {k, std::bit_cast<double>((bits & kFraction) + kLeast)};
-}
-
-/// log(2^k (1 + f)) + correction, of f between sqrt(2)/2 - 1 and sqrt(2) - 1.
-double LogOf(int k, double f, double correction) {
-  const double half = 0.5 * f * f;
-  const double s = f / (2 + f);
-  const double z = s * s, w = z * z;
-  const double even = w * (3.999999999940941908e-01 +
-                           w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01));
-  const double odd = z * (6.666666666666735130e-01 +
-                          w * (2.857142874366239149e-01 +
-                               w * (1.818357216161805012e-01 + w * 1.479819860510586590e-01)));
-  const double turns = k;
-  return s * (half + (odd + even)) + (turns * kLn2Low + correction) - half + f + turns * kLn2High;
 }
 
 /// The arc tangent of a number that is not negative.
@@ -154,15 +135,7 @@ double Exp(double x) noexcept {
   if (!(x <= kExpOverflows)) return std::isnan(x) ? x : kInfinity;
   if (x < kExpVanishes) return 0;
   const int k = static_cast<int>(kOneByLn2 * x + (x < 0 ? -0.5 : 0.5));
-  const double high = x - k * kLn2High, low = k * kLn2Low;
-  const double r = high - low;
-  const double t = r * r;
-  const double c =
-      r - t * (1.66666666666666019037e-01 +
-               t * (-2.77777777770155933842e-03 +
-                    t * (6.61375632143793436117e-05 +
-                         t * (-1.65339022054652515390e-06 + t * 4.13813679705723846039e-08))));
-  return Scaled(1 - ((low - (r * c) / (2 - c)) - high), k);
+  return Scaled(ExpOfDifference<double>(x - k * kLn2High, k * kLn2Low), k);
 }
 
 double Expm1(double x) noexcept {
@@ -178,16 +151,9 @@ double Expm1(double x) noexcept {
     x = high - low;
     left = (high - x) - low;
   }
-  const double half = 0.5 * x;
-  const double square = x * half;
-  const double r =
-      1 + square * (-3.33333333333331316428e-02 +
-                    square * (1.58730158725481460165e-03 +
-                              square * (-7.93650757867487942473e-05 +
-                                        square * (4.00821782732936239552e-06 +
-                                                  square * -2.01099218183624371326e-07))));
-  const double t = 3 - r * half;
-  double e = square * ((r - t) / (6 - x * t));
+  const ExpLessOne<double> polynomial(x);
+  const double square = polynomial.square;
+  double e = polynomial.third;
   if (k == 0) return x - (x * e - square);
   e = x * (e - left) - left;
   e -= square;
@@ -207,19 +173,20 @@ double Log(double x) noexcept {
     tiny = 54;
   }
   const Parts parts = Split(x);
-  return LogOf(parts.k - tiny, parts.f - 1, 0);
+  return LogOfParts<double>(parts.k - tiny, parts.f - 1, 0);
 }
 
 double Log1p(double x) noexcept {
   if (!(x > -1)) return x == -1 ? -kInfinity : kNaN;
   if (x == kInfinity || std::abs(x) < 0x1p-53) return x;
-  if (x > std::numbers::sqrt2 / 2 - 1 && x < std::numbers::sqrt2 - 1) return LogOf(0, x, 0);
+  if (x > std::numbers::sqrt2 / 2 - 1 && x < std::numbers::sqrt2 - 1)
+    return LogOfParts<double>(0, x, 0);
   const double sum = 1 + x;
   const Parts parts = Split(sum);
   // What the sum has rounded off, as far as it counts.
   double off = 0;
   if (parts.k < 54) off = (parts.k >= 2 ? 1 - (sum - x) : x - (sum - 1)) / sum;
-  return LogOf(parts.k, parts.f - 1, off);
+  return LogOfParts<double>(parts.k, parts.f - 1, off);
 }
 
 double Power(double base, double exponent) noexcept { return Exp(exponent * Log(base)); }

@@ -74,7 +74,8 @@ class SolvedSteps {
               : LaneRollout(problem_, problem_.solver.step_s, LanePlan::Scheme::kRungeKutta);
     for (std::size_t first = 0; first < x.size(); first += Packet::kLanes) {
       const auto packet = x.subspan(first, std::min(Packet::kLanes, x.size() - first));
-      for (const RolloutResult& result : lanes.Run(packet, false)) costs.push_back(result.cost);
+      for (const RolloutResult& result : lanes.Run(packet, LaneRollout::Wanted::kCost))
+        costs.push_back(result.cost);
     }
     return costs;
   }
@@ -463,7 +464,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   if (const auto kkt = FinerKktResidual(problem, solution.x))
     certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);
-  const SolvedSteps steps(problem, SolvedGrid(problem, solution.x));
+  const SolvedSteps steps(problem,
+                          solution.steps ? solution.steps : SolvedGrid(problem, solution.x));
   certificate.step_halving_error_rad = Apart(FinalRoot(problem, solution.x, steps.AsSolved()),
                                              FinalRoot(problem, solution.x, steps.Finer()));
   if (problem.target_pitch_rad)

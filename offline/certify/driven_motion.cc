@@ -171,13 +171,16 @@ class DrivenLanes {
     paths_.clear();
     for (std::size_t j = 0; j < problem_->joints.size(); ++j)
       paths_.push_back(PositionSpline(*problem_, x, j));
+    holds_ = false;
     TakeSetpoints(0);
     std::copy(setpoints_.begin(), setpoints_.end(), held_.begin());
   }
 
   void TakeSetpoints(int period) {
+    if (holds_) return;
     setpoints_.resize(model_.joints);
     const double time_s = period * played_[0].period_s, t = std::min(time_s, problem_->duration_s);
+    holds_ = time_s >= problem_->duration_s;
     for (std::size_t j = 0; j < paths_.size(); ++j) {
       const auto path = paths_[j].Evaluate(t);
       setpoints_[LaneOf(problem_->joints[j])] = {
@@ -209,6 +212,7 @@ class DrivenLanes {
   State<Packet> state_{};
   HeldSetpoints<Packet> held_{};
   std::vector<LaneSetpoint<Packet>> setpoints_;
+  bool holds_ = false;  // whether they are those of the end
   std::array<double, Types::Model::kMaxDofs> q_{}, qd_{};
   SpaceMatrix axes_;
 };

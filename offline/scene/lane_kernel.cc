@@ -1,6 +1,7 @@
 #define TUMBLER_LANES_NAMESPACE lanes_everywhere
 #include "offline/scene/lane_kernel.h"
 
+#include "offline/scene/lane_peaks.h"
 #include "offline/scene/lane_plan.h"
 #include "offline/scene/lane_steps.h"
 
@@ -48,7 +49,8 @@ const LaneKernel<double>& OneRobotKernel() {
 
 const LanePlanKernel<double>& OneRobotPlanKernel() {
   static constexpr LanePlanKernel<double> kernel{"one robot", RunLanePlans<double, double>,
-                                                 RunSpaceLanePlans<double, double>};
+                                                 RunSpaceLanePlans<double, double>,
+                                                 FindLanePeaks<double, double>};
   return kernel;
 }
 
@@ -65,7 +67,8 @@ std::vector<const LaneKernel<Packet>*> PacketKernels() {
 
 std::vector<const LanePlanKernel<Packet>*> PacketPlanKernels() {
   static constexpr LanePlanKernel<Packet> plain{kPlain, RunLanePlans<Packet, Vector<2>>,
-                                                RunSpaceLanePlans<Packet, Vector<2>>};
+                                                RunSpaceLanePlans<Packet, Vector<2>>,
+                                                FindLanePeaks<Packet, Vector<2>>};
 #if defined(__x86_64__)
   return Runnable(Avx512PlanKernel, Avx2PlanKernel, plain);
 #else

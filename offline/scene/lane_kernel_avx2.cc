@@ -3,6 +3,7 @@
 
 #define TUMBLER_LANES_NAMESPACE lanes_avx2
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_peaks.h"
 #include "offline/scene/lane_plan.h"
 #include "offline/scene/lane_steps.h"
 
@@ -19,7 +20,8 @@ const LaneKernel<Packet>& Avx2Kernel() {
 const LanePlanKernel<Packet>& Avx2PlanKernel();
 const LanePlanKernel<Packet>& Avx2PlanKernel() {
   static constexpr LanePlanKernel<Packet> kernel{"AVX2", RunLanePlans<Packet, Vector<4>>,
-                                                 RunSpaceLanePlans<Packet, Vector<4>>};
+                                                 RunSpaceLanePlans<Packet, Vector<4>>,
+                                                 FindLanePeaks<Packet, Vector<4>>};
   return kernel;
 }
 

@@ -3,6 +3,7 @@
 
 #define TUMBLER_LANES_NAMESPACE lanes_avx512
 #include "offline/scene/lane_kernel.h"
+#include "offline/scene/lane_peaks.h"
 #include "offline/scene/lane_plan.h"
 #include "offline/scene/lane_steps.h"
 
@@ -11,7 +12,7 @@ namespace tumbler {
 const LaneKernel<Packet>& Avx512Kernel();
 const LaneKernel<Packet>& Avx512Kernel() {
   static constexpr LaneKernel<Packet> kernel{
-      "AVX-512", DriveLanes<Packet, Vector<8>>, DriveLanesClassically<Packet, Vector<8>>,
+      "AVX-512", DriveLanes<Packet, Vector<8>>, DriveLanesClassically<Packet, Vector<8>, Vector<4>>,
       DriveSpaceLanesClassically<Packet, Vector<8>>, PrescribeLanes<Packet, Vector<8>>};
   return kernel;
 }
@@ -19,7 +20,8 @@ const LaneKernel<Packet>& Avx512Kernel() {
 const LanePlanKernel<Packet>& Avx512PlanKernel();
 const LanePlanKernel<Packet>& Avx512PlanKernel() {
   static constexpr LanePlanKernel<Packet> kernel{"AVX-512", RunLanePlans<Packet, Vector<8>>,
-                                                 RunSpaceLanePlans<Packet, Vector<8>>};
+                                                 RunSpaceLanePlans<Packet, Vector<8>>,
+                                                 FindLanePeaks<Packet, Vector<8>>};
   return kernel;
 }
 

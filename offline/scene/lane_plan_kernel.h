@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "offline/scene/lane_robot.h"
+#include "offline/scene/look_points.h"
 #include "offline/scene/packet.h"
 #include "offline/scene/space_lanes.h"
 
@@ -56,6 +57,34 @@ struct LanePlanRecord {
   S largest{};               ///< Of all positions and rates of the root, their size.
 };
 
+/// The smooth maximum of a recorded quantity (SmoothMaximum), for all lanes.
+template <class S>
+struct LanePeaks {
+  enum class Of {
+    kSize,  ///< The quantity's size, divided by `unit`: SmoothMaximum::Of::kSize.
+    /// Of a quantity that is not negative, above zero: what SmoothDepth makes of a contact of that
+    /// depth, divided by `unit`; SmoothMaximum::Of::kAboveZero.
+    kDepth,
+  };
+  Of of = Of::kSize;
+  std::span<const S> quantity;  ///< At each stage, by step, then stage, as of LanePlanRecord.
+  std::size_t count = 1;        ///< Of such quantities at a stage,
+  std::size_t which = 0;        ///< and which of them it is.
+  double unit = 1;
+  double sharpness = 0;
+  double least = 0;    ///< Of a depth: SmoothDepth::least,
+  double shallow = 0;  ///< and an exponent below this is one of no contact.
+  /// Steps whose exponents are so much below the largest are left out; of the others, times at
+  /// which they are `nothing` below.
+  double negligible = 0, nothing = 0;
+  std::span<const StepPoints* const> looks;  ///< Of each step.
+  std::span<S> sizes;                        ///< Gets the largest size at a stage of each step.
+
+  S at_start{};  ///< The largest size of the quantity at the start of a step.
+  S largest{};   ///< As SmoothMaximum's.
+  S sum{};       ///< Likewise.
+};
+
 /// The simulation of plans in lanes, compiled for one kind of vectors; as LaneKernel.
 template <class S>
 struct LanePlanKernel {
@@ -70,6 +99,7 @@ struct LanePlanKernel {
                        const LanePlan& plan, std::span<const S> points,
                        const SpaceLaneState<S>& start,
                        LanePlanRecord<S, SpaceLaneState<S>>& record);
+  void (*find_peaks)(const LanePlan& plan, LanePeaks<S>& peaks);
 };
 
 /// The kernel for one robot.

@@ -317,11 +317,17 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSte
 }
 
 /// LaneKernel::drive_classically likewise.
-template <class P, class S>
+/// @tparam Few  for robots that all have a lane of it: half as wide vectors divide faster.
+template <class P, class S, class Few = S>
 void DriveLanesClassically(const LaneModel& model, const LaneRobot<P>& robot,
                            const LaneSteps& steps, std::span<const LaneSetpoint<P>> setpoints,
                            HeldSetpoints<P>& held, LaneState<P>& state, std::size_t lanes) {
   WithTreeOf(model, [&]<class Tree>() {
+    if (lanes <= LanesFrom<Few>::kLanes) {
+      DriveSomeClassically<LaneDynamics<Few, P, Tree>>(model, robot, steps, setpoints, held, state,
+                                                       LanesFrom<Few>(0));
+      return;
+    }
     for (std::size_t first = 0; first < lanes; first += LanesFrom<S>::kLanes) {
       DriveSomeClassically<LaneDynamics<S, P, Tree>>(model, robot, steps, setpoints, held, state,
                                                      LanesFrom<S>(first));

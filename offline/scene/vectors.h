@@ -135,6 +135,11 @@ struct Vector {
   }
   /// Whether any lane of the mask is set.
   friend bool Any(const Mask& mask) { return AnySet(mask.bits); }
+  /// 2 to the power of whole numbers, as that of scalar.h.
+  friend Vector PowerOfTwo(const Vector& k) {
+    return Vector(
+        std::bit_cast<Numbers>((std::bit_cast<Bits>(k.numbers + 6755399441055744.0) + 1023) << 52));
+  }
   /// Turns a sine and a cosine by so many quarters, whole numbers.
   friend void TurnByQuarters(const Vector& quarters, Vector& sine, Vector& cosine) {
     TurnByQuarters<Numbers, Bits>(quarters.numbers, sine.numbers, cosine.numbers);
@@ -177,6 +182,7 @@ struct Two {
   }
   friend Two Sqrt(const Two& a) { return {Sqrt(a.low), Sqrt(a.high)}; }
   friend bool Any(const Mask& mask) { return Any(mask.low | mask.high); }
+  friend Two PowerOfTwo(const Two& k) { return {PowerOfTwo(k.low), PowerOfTwo(k.high)}; }
   friend void TurnByQuarters(const Two& quarters, Two& sine, Two& cosine) {
     TurnByQuarters(quarters.low, sine.low, cosine.low);
     TurnByQuarters(quarters.high, sine.high, cosine.high);

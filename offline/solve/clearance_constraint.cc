@@ -40,8 +40,12 @@ struct ClearanceConstraint::Implementation {
         reach_m(p.self_contact().clearance_m - kNegligibleExponent / rho * kClearanceScale_m),
         q(p.dof_count(), 0.0),
         slopes(p.joints.size()),
-        ends(p.joints.size()) {
-    if (p.self_contact().pairs.empty()) return;
+        ends(p.joints.size()) {}
+
+  /// Makes the weights when they are first needed.
+  void Tabulate() {
+    const Problem& p = problem;
+    if (!weights.empty() || p.self_contact().pairs.empty()) return;
     std::vector<double> longest(Index(p.parameter_count()), 0.0);
     if (p.free_duration) longest.back() = p.free_duration->max_s / p.duration_s;
     for (std::size_t j = 0; j < p.joints.size(); ++j) {
@@ -73,6 +77,7 @@ struct ClearanceConstraint::Implementation {
 
   double Evaluate(std::span<const double> x, std::span<double> gradient) {
     std::fill(gradient.begin(), gradient.end(), 0.0);
+    Tabulate();
     if (weights.empty()) return -1;
     const double duration_s = problem.duration_of(x);
     for (std::size_t j = 0; j < ends.size(); ++j)

@@ -135,6 +135,9 @@ struct LaneRollout::Implementation {
     if (plan.stages > 1) {
       look_points.emplace(tableau, *std::ranges::max_element(plan.steps));
     }
+    for (const double step_s : plan.steps)
+      points_in.push_back(look_points ? &look_points->In(step_s) : &LookPoints::Start());
+    sizes.resize(plan.steps.size());
     plan.motion_steps = Index(table.motion_steps);
     for (const int step : table.step_at) plan.looks.push_back(Index(step));
     plan.weights = Index(p.degree) + 1;
@@ -197,26 +200,26 @@ struct LaneRollout::Implementation {
     }
   }
 
-  std::vector<RolloutResult> Run(std::span<const std::vector<double>> x, bool with_clearance) {
+  std::vector<RolloutResult> Run(std::span<const std::vector<double>> x, Wanted wanted) {
     // Lanes that nobody asks for repeat the first one.
     for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
       SetLane(lane, x[lane < x.size() ? lane : 0]);
-    return space ? RunIn(*space, kernel.run_in_space, x, with_clearance)
-                 : RunIn(*plane, kernel.run, x, with_clearance);
+    return space ? RunIn(*space, kernel.run_in_space, x, wanted)
+                 : RunIn(*plane, kernel.run, x, wanted);
   }
 
   template <class Lanes, class Kernel>
   std::vector<RolloutResult> RunIn(Lanes& lanes, Kernel run, std::span<const std::vector<double>> x,
-                                   bool with_clearance) {
+                                   Wanted wanted) {
     LanePlanRecord<Packet, decltype(lanes.start)> record{torque, depth, lanes.at_look, {}, {},
                                                          {},     {}};
     run(lanes.model, lanes.robot, plan, points, lanes.start, record);
     std::vector<RolloutResult> results;
     for (std::size_t lane = 0; lane < x.size(); ++lane) {
       results.push_back(ResultOf(lane, record));
-      if (with_clearance) results.back().clearance_excess = clearance.Evaluate(x[lane]);
+      if (wanted == Wanted::kAll) results.back().clearance_excess = clearance.Evaluate(x[lane]);
     }
-    FindPeaks(results);
+    if (wanted != Wanted::kCost) FindPeaks(results);
     return results;
   }
 
@@ -253,96 +256,64 @@ struct LaneRollout::Implementation {
     return result;
   }
 
-  /// The times of a step at which peaks are looked for.
-  [[nodiscard]] const StepPoints& PointsOf(std::size_t step) const {
-    return look_points ? look_points->In(plan.steps[step]) : LookPoints::Start();
-  }
-
-  /// The size of a recorded quantity in each step: its largest at any stage, of all lanes.
+  /// A recorded quantity's smooth maximum, to be found.
   /// @param count  of such quantities at a stage.
-  void FindSizes(std::span<const Packet> quantity, std::size_t count, std::size_t which) {
-    sizes.resize(plan.steps.size());
-    largest = {};
-    for (std::size_t step = 0; step < plan.steps.size(); ++step) {
-      Packet size;
-      for (std::size_t s = 0; s < plan.stages; ++s) {
-        const Packet& here = quantity[(step * plan.stages + s) * count + which];
-        for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
-          size.lanes[lane] = std::max(size.lanes[lane], std::abs(here.lanes[lane]));
-      }
-      for (std::size_t lane = 0; lane < Packet::kLanes; ++lane)
-        largest.lanes[lane] = std::max(largest.lanes[lane], size.lanes[lane]);
-      sizes[step] = size;
-    }
-  }
-
-  /// Takes the quantity of FindSizes through all steps into its smooth maximum. What is e to the
-  /// power of kLeastExponent below its largest is left out.
-  /// @param per_unit  of the quantity, what its smooth maximum is of, at most.
-  /// @param of        that at a stage, counted through all steps.
-  template <class Quantity>
-  void Maximize(std::size_t lane, double per_unit, SmoothMaximum& maximum, Quantity&& of) const {
-    const double rho = motions[lane].problem().solver.sharpness;
-    const double least = largest.lanes[lane] + kLeastExponent / (rho * per_unit);
-    std::array<double, Tableau::kMaxStages> values{};
-    const std::span<const double> of_step(values.data(), plan.stages);
-    for (std::size_t step = 0; step < plan.steps.size(); ++step) {
-      const StepPoints& looks = PointsOf(step);
-      if (sizes[step].lanes[lane] * looks.growth < least) continue;
-      for (std::size_t s = 0; s < plan.stages; ++s) values[s] = of(step * plan.stages + s);
-      maximum.Add(looks, plan.steps[step], of_step, {});
-    }
+  [[nodiscard]] LanePeaks<Packet> PeaksOf(std::span<const Packet> quantity, std::size_t count,
+                                          std::size_t which, double unit) {
+    LanePeaks<Packet> peaks;
+    peaks.quantity = quantity;
+    peaks.count = count;
+    peaks.which = which;
+    peaks.unit = unit;
+    peaks.sharpness = motions.front().problem().solver.sharpness;
+    peaks.negligible = kLeastExponent;
+    peaks.nothing = kExponentOfNothing;
+    peaks.looks = points_in;
+    peaks.sizes = sizes;
+    return peaks;
   }
 
   /// Writes what peaks make of the results of the last run.
   void FindPeaks(std::span<RolloutResult> results) {
     const std::size_t joints = motions.front().problem().joints.size();
-    for (std::size_t j = 0; j < joints; ++j) {
-      FindSizes(torque, joints, j);
-      for (std::size_t lane = 0; lane < results.size(); ++lane) {
-        if (results[lane].finite) FindPeakTorque(lane, j, results[lane]);
+    for (std::size_t j = 0; j < joints; ++j) FindPeakTorques(j, results);
+    FindDepths(results);
+  }
+
+  void FindPeakTorques(std::size_t j, std::span<RolloutResult> results) {
+    const Problem& problem = motions.front().problem();
+    LanePeaks<Packet> peaks =
+        PeaksOf(torque, problem.joints.size(), j, problem.joints[j].limits.torque_max_nm);
+    kernel.find_peaks(plan, peaks);
+    for (std::size_t lane = 0; lane < results.size(); ++lane) {
+      RolloutResult& result = results[lane];
+      if (!result.finite) continue;
+      result.peak_torque_nm[j] = std::max(result.peak_torque_nm[j], peaks.at_start.lane(lane));
+      if (!outputs.IsTorqueLimited(static_cast<int>(j))) continue;
+      result.torque_excess[j] = MotionOutputs::TorqueExcess(
+          outputs.TorqueMaximum(peaks.largest.lane(lane), peaks.sum.lane(lane)));
+    }
+  }
+
+  void FindDepths(std::span<RolloutResult> results) {
+    const Problem& problem = motions.front().problem();
+    LanePeaks<Packet> peaks = PeaksOf(depth, 1, 0, 1 - problem.solver.core_margin);
+    peaks.of = LanePeaks<Packet>::Of::kDepth;
+    peaks.least = 1 + kNegligibleExponent / peaks.sharpness;  // as SmoothDepth
+    peaks.shallow = kShallow;
+    kernel.find_peaks(plan, peaks);
+    for (std::size_t lane = 0; lane < results.size(); ++lane) {
+      RolloutResult& result = results[lane];
+      if (!result.finite) continue;
+      const double deepest = peaks.at_start.lane(lane);
+      result.any_contact = deepest > 0;
+      result.peak_penetration_m = deepest * problem.contact().d_on_m;
+      const double sum = peaks.sum.lane(lane);
+      if (sum > 0) {
+        result.penetration_excess =
+            outputs.PenetrationExcess(outputs.PenetrationMaximum(peaks.largest.lane(lane), sum));
       }
     }
-    FindSizes(depth, 1, 0);
-    for (std::size_t lane = 0; lane < results.size(); ++lane) {
-      if (results[lane].finite) FindDepth(lane, results[lane]);
-    }
-  }
-
-  void FindPeakTorque(std::size_t lane, std::size_t j, RolloutResult& result) const {
-    const std::size_t joints = result.torque_excess.size();
-    for (std::size_t k = 0; k < plan.steps.size(); ++k) {
-      result.peak_torque_nm[j] = std::max(
-          result.peak_torque_nm[j], std::abs(torque[k * plan.stages * joints + j].lanes[lane]));
-    }
-    if (!outputs.IsTorqueLimited(static_cast<int>(j))) return;
-    SmoothMaximum maximum = outputs.EmptyTorqueMaximum();
-    const double limit = motions[lane].problem().joints[j].limits.torque_max_nm;
-    Maximize(lane, 1 / limit, maximum,
-             [&](std::size_t stage) { return torque[stage * joints + j].lanes[lane] / limit; });
-    result.torque_excess[j] = MotionOutputs::TorqueExcess(maximum);
-  }
-
-  void FindDepth(std::size_t lane, RolloutResult& result) const {
-    const Problem& problem = motions[lane].problem();
-    double deepest = 0;
-    for (std::size_t k = 0; k < plan.steps.size(); ++k)
-      deepest = std::max(deepest, depth[k * plan.stages].lanes[lane]);
-    result.any_contact = deepest > 0;
-    result.peak_penetration_m = deepest * problem.contact().d_on_m;
-    // As SmoothDepth of a single contact.
-    const double rho = problem.solver.sharpness;
-    const double usable = 1 - problem.solver.core_margin;
-    const double least = 1 + kNegligibleExponent / rho;
-    if (rho * (largest.lanes[lane] / usable - least) < kShallow) return;
-    SmoothMaximum maximum = outputs.EmptyPenetrationMaximum();
-    Maximize(lane, 1 / usable, maximum, [&](std::size_t stage) {
-      const double exponent = rho * (depth[stage].lanes[lane] / usable - least);
-      if (exponent < kShallow) return 0.0;
-      if (exponent > 0) return (exponent + portable::Log1p(portable::Exp(-exponent))) / rho;
-      return portable::Log1p(portable::Exp(exponent)) / rho;
-    });
-    if (maximum.sum() > 0) result.penetration_excess = outputs.PenetrationExcess(maximum);
   }
 
   std::vector<ParametricMotion> motions;  // by lane
@@ -354,9 +325,9 @@ struct LaneRollout::Implementation {
   std::optional<LookPoints> look_points;              // of schemes with stages
   std::vector<std::vector<LanePathWeights>> weights;  // by joint; empty where another's serve
   std::vector<Packet> points, torque, depth;
-  std::vector<Packet> sizes;        // of a quantity, in each step
-  Packet largest;                   // of them
-  std::optional<PlaneLanes> plane;  // one of the two
+  std::vector<const StepPoints*> points_in;  // each step
+  std::vector<Packet> sizes;                 // of a quantity, in each step
+  std::optional<PlaneLanes> plane;           // one of the two
   std::optional<SpaceLanes> space;
   std::array<double, Packet::kLanes> squares{};
 };
@@ -372,11 +343,10 @@ LaneRollout::LaneRollout(const Problem& problem, const StepGrid& grid,
 LaneRollout::~LaneRollout() = default;
 LaneRollout::LaneRollout(LaneRollout&&) noexcept = default;
 
-std::vector<RolloutResult> LaneRollout::Run(std::span<const std::vector<double>> x,
-                                            bool clearance) {
+std::vector<RolloutResult> LaneRollout::Run(std::span<const std::vector<double>> x, Wanted wanted) {
   if (x.empty() || x.size() > Packet::kLanes)
     throw std::invalid_argument("lanes run one motion to eight");
-  return implementation_->Run(x, clearance);
+  return implementation_->Run(x, wanted);
 }
 const Packet& LaneRollout::torque(std::size_t step, std::size_t joint) const {
   const std::size_t joints = implementation_->motions.front().problem().joints.size();

@@ -44,10 +44,17 @@ class LaneRollout {
   ~LaneRollout();
   LaneRollout(LaneRollout&&) noexcept;
 
+  /// What of its results a Run computes. The rest, which takes a while, is as before the start.
+  enum class Wanted {
+    kCost,       ///< The cost, and what it is made of.
+    kSimulated,  ///< All but RolloutResult::clearance_excess.
+    kAll,
+  };
+
   /// Runs motions with the parameters in `x`, at most Packet::kLanes.
-  /// @param clearance  whether to compute RolloutResult::clearance_excess, which takes a while.
   /// @returns the result of each.
-  std::vector<RolloutResult> Run(std::span<const std::vector<double>> x, bool clearance = true);
+  std::vector<RolloutResult> Run(std::span<const std::vector<double>> x,
+                                 Wanted wanted = Wanted::kAll);
 
   /// Of the last Run: the torques of all lanes at the start of a step [N m].
   [[nodiscard]] const Packet& torque(std::size_t step, std::size_t joint) const;

@@ -38,7 +38,7 @@ RolloutResult LaneSensitivity::Run(std::span<const double> x, std::span<double> 
     for (std::size_t lane = 0; lane < count; ++lane) {
       if (first + lane > 0) x_[lane][first + lane - 1] += kDifference_rad;
     }
-    const std::vector<RolloutResult> results = rollout_.Run(x_, false);
+    const std::vector<RolloutResult> results = rollout_.Run(x_, LaneRollout::Wanted::kSimulated);
     if (first == 0) {
       here = results.front();
       squares = rollout_.squares(0);

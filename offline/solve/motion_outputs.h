@@ -53,8 +53,15 @@ class MotionOutputs {
   [[nodiscard]] SmoothMaximum EmptyTorqueMaximum() const {
     return {sharpness(), SmoothMaximum::Of::kSize};
   }
+  /// As it is after steps that were added elsewhere.
+  [[nodiscard]] SmoothMaximum TorqueMaximum(double largest, double sum) const {
+    return {sharpness(), SmoothMaximum::Of::kSize, largest, sum};
+  }
   [[nodiscard]] SmoothMaximum EmptyPenetrationMaximum() const {
     return {sharpness(), SmoothMaximum::Of::kAboveZero};
+  }
+  [[nodiscard]] SmoothMaximum PenetrationMaximum(double largest, double sum) const {
+    return {sharpness(), SmoothMaximum::Of::kAboveZero, largest, sum};
   }
   /// @param maximum  over |tau| / limit, and over |OnCurve| where the motor has a curve.
   static double TorqueExcess(const SmoothMaximum& maximum);

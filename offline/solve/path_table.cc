@@ -29,6 +29,7 @@ void PathTable::AppendWeights(int control_points) {
                     std::vector<double>(Index(control_points))) != Status::kOk) {
     throw std::invalid_argument("spline degree and size do not fit together");
   }
+  weights_.reserve(weights_.size() + time_.size());
   for (const double t : time_) {
     const Spline::Weights w = spline.EvaluateWeights(t);
     weights_.push_back({w.first, w.w});

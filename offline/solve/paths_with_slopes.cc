@@ -5,7 +5,13 @@
 namespace tumbler {
 
 PathsWithSlopes::PathsWithSlopes(const ParametricMotion& motion)
-    : motion_(motion), splines_(Index(motion.joints())), by_duration_(Index(motion.joints())) {}
+    : motion_(motion), splines_(Index(motion.joints())), by_duration_(Index(motion.joints())) {
+  for (int j = 0; j < motion.joints(); ++j) {
+    int same = 0;
+    while (motion.joint(same).control_points != motion.joint(j).control_points) ++same;
+    same_knots_.push_back(same);
+  }
+}
 
 void PathsWithSlopes::Begin(std::span<const double> x) {
   for (std::size_t j = 0; j < splines_.size(); ++j)
@@ -27,7 +33,9 @@ void PathsWithSlopes::PlaceJoints(double time_s, bool moving, SceneDynamics& rob
       continue;
     }
     const Spline& spline = splines_[Index(j)];
-    weights_[Index(j)] = spline.EvaluateWeights(time_s);
+    // Paths of as many control points have the same knots.
+    const int same = same_knots_[Index(j)];
+    weights_[Index(j)] = same < j ? weights_[Index(same)] : spline.EvaluateWeights(time_s);
     const Spline::Weights& w = weights_[Index(j)];
     std::array<double, 3> path{};
     for (int i = 0; i <= motion_.problem().degree; ++i) {

@@ -59,7 +59,8 @@ class PathsWithSlopes {
 
   const ParametricMotion& motion_;
   std::vector<Spline> splines_;
-  double time_s_ = 0;  // of the last PlaceJoints; -1: after the motion
+  std::vector<int> same_knots_;  // for each joint, the first one whose path has its knots
+  double time_s_ = 0;            // of the last PlaceJoints; -1: after the motion
   std::array<Spline::Weights, kMaxJoints> weights_;  // at that time
   std::vector<PathPoint> by_duration_;               // likewise, by joint, if that is free
 };

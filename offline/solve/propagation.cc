@@ -33,13 +33,19 @@ Propagation<Space>::Propagation(const Problem& problem, double step_s,
     if (term.when == CostTerm::When::kThroughout && term.kind != CostTerm::Kind::kSlip)
       running.push_back({term});
   }
-  Resize();
 }
 
-/// Makes everything that depends on the timetable.
 template <class Space>
-void Propagation<Space>::Resize() {
-  paths.Tabulate(table);
+void Propagation<Space>::Take(Timetable&& new_table) {
+  table = std::move(new_table);
+  tabulated = has_room = false;
+}
+
+/// Makes room for what the steps of the timetable leave behind.
+template <class Space>
+void Propagation<Space>::MakeRoom() {
+  if (has_room) return;
+  has_room = true;
   record.Resize(table);
   maxima.Resize();
   if constexpr (RootChart<Space>::kMoves) turns.resize(Index(table.steps()));
@@ -60,9 +66,8 @@ void Propagation<Space>::Use(const StepGrid& new_grid) {
       !same(settling_s, motion.problem().settle_s))
     throw std::invalid_argument("the steps do not add up to motion and settle phase");
   grid = new_grid;
-  table = Timetable(kDormandPrince, free ? duration.Stretched(grid) : grid, duration.duration_s(),
-                    motion.instants());
-  Resize();
+  Take(Timetable(kDormandPrince, free ? duration.Stretched(grid) : grid, duration.duration_s(),
+                 motion.instants()));
 }
 
 template <class Space>
@@ -70,10 +75,11 @@ bool Propagation<Space>::SetMotion(std::span<const double> x) {
   const double before_s = motion.duration_s();
   if (!motion.Set(x)) return false;
   if (motion.duration_s() != before_s) {
-    table = Timetable(table.scheme(), motion.duration().Stretched(grid), motion.duration_s(),
-                      motion.instants());
-    Resize();
+    Take(Timetable(table.scheme(), motion.duration().Stretched(grid), motion.duration_s(),
+                   motion.instants()));
   }
+  if (!tabulated) paths.Tabulate(table);
+  tabulated = true;
   paths.Evaluate(x);
   return true;
 }
@@ -89,6 +95,7 @@ RolloutResult Propagation<Space>::RunScheme(std::span<const double> x, ForwardPa
   const bool with_record = pass == ForwardPass::kGradient;
   RolloutResult result = outputs.Begin();
   if (!SetMotion(x)) return MotionOutputs::Failed(std::move(result));
+  MakeRoom();
   if (with_record && motion.duration().is_free()) paths.EvaluateSlopes();
   result.clearance_excess = outputs.ClearanceExcess(
       x, with_record ? std::span<double>(clearance_gradient) : std::span<double>());

@@ -21,7 +21,7 @@ namespace tumbler {
 ///
 /// Run does all of it. The functions after it are the parts that Adjoint and Rollout::Visit need.
 /// No heap in Run but for its result, after the first with ForwardPass::kGradient, unless the
-/// duration changes.
+/// steps change.
 template <class Space>
 struct Propagation {
   using Dynamics = SceneDynamicsIn<Space>;
@@ -100,7 +100,8 @@ struct Propagation {
   std::vector<double> clearance_gradient;
 
  private:
-  void Resize();
+  void Take(Timetable&& new_table);
+  void MakeRoom();
   template <const Tableau& kScheme>
   RolloutResult RunScheme(std::span<const double> x, ForwardPass pass);
   template <const Tableau& kScheme>
@@ -110,6 +111,11 @@ struct Propagation {
                    RolloutResult& result);
   void AddRunning(double dt, const CostPoint& here);
   [[nodiscard]] bool IsPlausible(const State& y) const;
+
+  // What depends on the timetable is made when it is first needed: one may be followed by another,
+  // and a Visit leaves nothing behind.
+  bool tabulated = false;  // whether `paths` are
+  bool has_room = false;   // whether `record` and `maxima` have it
 };
 
 }  // namespace tumbler

@@ -97,6 +97,7 @@ struct Point {
   VectorXd c;               ///< Simulated constraints.
   OutputGradients outputs;  ///< Gradients: of the cost, then of the constraints.
   GaussNewton model;
+  std::optional<StepGrid> steps;  ///< Those of AdaptiveSteps, where it was evaluated with these.
 
   [[nodiscard]] VectorXd g() const { return outputs.row(0).transpose(); }
   /// Gradients of the constraints, by rows.
@@ -152,6 +153,7 @@ struct Way {
   int outputs;
   std::function<RolloutResult(std::span<const double>, OutputGradients&, GaussNewton&)> run;
   std::function<std::int64_t()> evaluations;  ///< Of the dynamics, in the last one.
+  const ForwardSensitivity* steps = nullptr;  ///< Of which a motion tells its steps; null: of none.
 };
 
 class NearSolve {
@@ -209,6 +211,7 @@ class NearSolve {
     if (best.end != SolveEnd::kInterrupted) Restore(here);
     best.x = here.x;
     best.rollout = here.result;
+    best.steps = here.steps;
     best.evaluations = evaluations_;
     if (!here.result.finite) return best;
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, best.rollout);
@@ -296,6 +299,7 @@ class NearSolve {
     point.result = way_.run(point.x, point.outputs, point.model);
     point.outputs = paths_.ReduceSlopes(std::move(point.outputs));
     point.model = paths_.Reduce(std::move(point.model));
+    if (way_.steps != nullptr && point.result.finite) point.steps = way_.steps->grid();
     Count(point);
     point.c = Vector(SimulatedConstraints(problem_, point.result));
     return point;
@@ -534,8 +538,12 @@ NearRollouts::NearRollouts(const Problem& problem, const SolveOptions& options)
 Solution SolveNear(const Problem& problem, std::span<const double> start, const NearLimits& limits,
                    NearRollouts& rollouts, const SolveOptions& options,
                    std::vector<Evaluation>* history, NearMemory* memory) {
-  return NearSolve(problem, limits, Way(rollouts.coarse),
-                   {Way(rollouts.fine), Way(rollouts.finest)}, memory, options, history)
+  Way fine(rollouts.fine);
+  // What is free of a motion beside its paths is not in the motion that is written.
+  const bool paths_alone = problem.first_start_rate() == problem.parameter_count();
+  if (paths_alone && !options.contact) fine.steps = &rollouts.fine;
+  return NearSolve(problem, limits, Way(rollouts.coarse), {fine, Way(rollouts.finest)}, memory,
+                   options, history)
       .Run(start);
 }
 

@@ -12,6 +12,7 @@
 
 #include "common/core/primitive.h"
 #include "offline/problem/problem.h"
+#include "offline/scene/step_grid.h"
 #include "offline/solve/kkt_residual.h"
 #include "offline/solve/rollout.h"
 
@@ -65,6 +66,8 @@ struct Solution {
   /// How the motion answers a sensor, where the problem asks for that.
   Feedback<double> feedback;
   RolloutResult rollout;
+  /// The steps that it was evaluated with last, where these are StepsFor of it; none: others.
+  std::optional<StepGrid> steps;
   SolveEnd end = SolveEnd::kFailed;
   /// Whether it was solved with the final step, or only screened with a longer one.
   bool finished = false;

@@ -1,6 +1,7 @@
 // Elementary functions: their errors, their special values, and their bits, which are the same on
 // every machine.
 
+#include "common/core/exponential.h"
 #include "common/core/functions.h"
 
 #include <gtest/gtest.h>
@@ -61,6 +62,25 @@ TEST(PortableFunctions, AreWithinOneUnitInTheLastPlace) {
   EXPECT_LT(LargestError(Log1p, more, AllPositive), 1);
   for (const double range : {1e-9, 1e-3, 0.999})
     EXPECT_LT(LargestError(Log1p, more, Times(range)), 1);
+}
+
+TEST(PortableFunctions, ThoseOfLanesHaveTheBitsOfTheOthersWhereTheyAreFor) {
+  std::mt19937_64 random(1);
+  for (int i = 0; i < 100'000; ++i) {
+    const double part = static_cast<double>(random() >> 11U) * 0x1p-53;
+    EXPECT_EQ(ExpBelowZero(-708 * part), Exp(-708 * part));
+    EXPECT_EQ(ExpBelowZero(-part), Exp(-part));
+    EXPECT_EQ(Expm1BelowOne(part), Expm1(part));
+    EXPECT_EQ(Log1pBelowOne(part), Log1p(part));
+    const double small = Exp(-36 * part);
+    EXPECT_EQ(Expm1BelowOne(small), Expm1(small));
+    EXPECT_EQ(Log1pBelowOne(small), Log1p(small));
+  }
+  for (const double end : {0.0, 1.0, 0.5 * std::numbers::ln2, std::numbers::sqrt2 - 1}) {
+    EXPECT_EQ(ExpBelowZero(-end), Exp(-end));
+    EXPECT_EQ(Expm1BelowOne(end), Expm1(end));
+    EXPECT_EQ(Log1pBelowOne(end), Log1p(end));
+  }
 }
 
 TEST(PortableFunctions, TheAngleOfAVectorIsWithinOneAndAHalf) {

@@ -223,6 +223,18 @@ TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
   }
 }
 
+TEST(SolveFromGuess, TellsTheStepsOfItsMotionWhichNobodyHasToChooseAgain) {
+  const std::string text = Scaled(Known().provenance.task_toml, "mu = ", 1.1);
+  const Problem problem =
+      ParseTask(text, "task.toml", Known().provenance.robot_urdf, "robot.urdf").problem;
+  const std::vector<double> guess = GuessFrom(problem, Known(), "known.toml");
+  const Solution found = SolveFromGuess(problem, guess, {}).solutions.front();
+  const StepGrid chosen = StepsFor(problem, found.x);
+  ASSERT_TRUE(found.steps);
+  EXPECT_EQ(found.steps->motion, chosen.motion);
+  EXPECT_EQ(found.steps->settling, chosen.settling);
+}
+
 TEST(SolveFromGuess, GoesOnToTheMinimumWhereAProofIsAskedFor) {
   const std::string text = Scaled(Known().provenance.task_toml, "mu = ", 1.1);
   Problem problem =

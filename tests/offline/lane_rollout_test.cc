@@ -53,7 +53,8 @@ std::vector<double> AGoodMotion(const Problem& problem) {
   std::vector<double> best;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t first = 0; first < motions.size(); first += Packet::kLanes) {
-    const std::vector<RolloutResult> results = lanes.Run({&motions[first], Packet::kLanes}, false);
+    const std::vector<RolloutResult> results =
+        lanes.Run({&motions[first], Packet::kLanes}, LaneRollout::Wanted::kSimulated);
     for (std::size_t lane = 0; lane < results.size(); ++lane) {
       if (!(results[lane].cost < least)) continue;
       least = results[lane].cost;
