@@ -10,51 +10,26 @@
 
 #include "runtime/executor/faults.h"
 #include "runtime/executor/joint_fields.h"
+#include "runtime/executor/tick_fields.h"
 #include "runtime/record/sentences.h"
 
 namespace tumbler {
 
 void FillState(const TimedRecord& timed, state_t& message) {
-  const TickRecord& record = timed.record;
-  message.tick = record.tick;
-  message.time_ns = timed.time_ns;
-  message.number = timed.number;
-  message.request_id = timed.request.id;
-  message.request = static_cast<std::int8_t>(timed.request.request);
-  message.request_refusal = static_cast<std::int8_t>(timed.request.refusal);
-  message.wake_up_us = timed.wake_up_ns * 1e-3F;
-  message.tick_us = timed.tick_ns * 1e-3F;
-  message.bus_bits = timed.bus_bits;
-  message.primitive_time_s = record.primitive_time_s;
-  message.node = record.node;
-  message.cycles = record.cycles;
-  message.state = static_cast<std::int8_t>(record.state);
-  message.reaction = static_cast<std::int8_t>(record.reaction);
-  message.command = static_cast<std::int8_t>(record.command);
-  message.refusal = static_cast<std::int8_t>(record.refusal.refusal);
-  message.faults = static_cast<std::int32_t>(record.faults);
-  message.fault = static_cast<std::int8_t>(record.first_fault.fault);
-  message.fault_joint = record.first_fault.joint;
-  message.fault_tick = record.first_fault.tick;
-  message.fault_state = static_cast<std::int8_t>(record.first_fault.state);
-  const DetailUnit unit = UnitOf(record.first_fault.fault);
-  message.fault_value = ToDouble(record.first_fault.value, unit);
-  message.fault_limit = ToDouble(record.first_fault.limit, unit);
-  message.sensor_status = static_cast<std::int8_t>(record.sensor.status);
-  message.sensor_age_ticks = record.sensor.age_ticks;
-  message.sensor_pitch_rad = record.sensor.pitch_rad;
-  message.sensor_rate_rad_s = record.sensor.rate_rad_s;
-  message.feedback_error_rad = record.sensor.error_rad;
-  message.feedback_rate_error_rad_s = record.sensor.rate_error_rad_s;
-  message.feedback_share = record.sensor.share;
-  message.joint_count = record.joint_count;
-  message.joints.resize(record.joint_count);
-  for (std::size_t i = 0; i < record.joint_count; ++i) {
+  const auto set = [](auto& member, const auto& value) {
+    member = static_cast<std::remove_cvref_t<decltype(member)>>(value);
+  };
+  ForEachRow(kTickFields, [&](const auto& row) {
+    if constexpr (row.kFilled) set(row.in_message(message), row.of_tick(timed));
+  });
+  message.joints.resize(timed.record.joint_count);
+  for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
     ForEachJointField([&](const JointField& /*field*/, auto in_record, auto in_message) {
-      auto& member = in_message(message.joints[i]);
-      member = static_cast<std::remove_cvref_t<decltype(member)>>(in_record(record.joints[i]));
+      set(in_message(message.joints[i]), in_record(timed.record.joints[i]));
     });
-    message.joints[i].reply_sampled_us = timed.reply_sampled_us[i];
+    ForEachDerivedJointField([&](const JointField& /*field*/, auto of_tick, auto in_message) {
+      set(in_message(message.joints[i]), of_tick(timed, i));
+    });
   }
 }
 
