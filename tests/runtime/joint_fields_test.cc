@@ -1,5 +1,5 @@
-// Compares the messages of a tick and a joint, the table's columns and docs/formats.md with the
-// description of their fields.
+// Compares the messages of a tick, a joint and a run, the table's columns and docs/formats.md with
+// the description of their fields.
 
 #include "runtime/executor/joint_fields.h"
 
@@ -10,6 +10,7 @@
 #include <limits>
 #include <set>
 #include <string>
+#include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 #include <type_traits>
 #include <utility>
@@ -18,6 +19,7 @@
 #include "runtime/executor/tick_fields.h"
 #include "runtime/record/live_view.h"
 #include "runtime/record/messages.h"
+#include "runtime/record/run_fields.h"
 #include "runtime/record/state_csv.h"
 #include "runtime/record/truth_csv.h"
 #include "tests/support/docs_tables.h"
@@ -35,6 +37,8 @@ std::string LcmType() {
   if constexpr (std::is_same_v<Type, std::int32_t>) return "int32_t";
   if constexpr (std::is_same_v<Type, std::uint32_t> || std::is_same_v<Type, std::int64_t>)
     return "int64_t";
+  if constexpr (std::is_same_v<Type, std::string> || std::is_same_v<Type, std::vector<std::string>>)
+    return "string";
 }
 
 /// A line of a message type.
@@ -83,6 +87,25 @@ std::string TickMessage() {
   return text + "}\n";
 }
 
+std::string RunMessageText() {
+  std::string text =
+      "package tumbler;\n\n"
+      "// A run, its machine and its times, on channel TUMBLER_RUN four times a second, and at the "
+      "end.\n"
+      "struct run_t\n{\n";
+  run_t none;
+  ForEachRowBy<kRunFields, &RunField::message_place>([&](const auto& row) {
+    using Type = std::remove_cvref_t<decltype(row.in_message(none))>;
+    std::string name = row.field.name;
+    if constexpr (row.kList) name += fmt::format("[{}]", row.field.dimension);
+    // A boolean is one byte in messages, as int8_t is.
+    const bool flag =
+        std::is_same_v<std::invoke_result_t<decltype(row.value), const RunSoFar&>, bool>;
+    text += MessageLine(flag ? "boolean" : LcmType<Type>(), name.c_str(), row.field.meaning);
+  });
+  return text + "}\n";
+}
+
 /// A name as code; nothing where there is none.
 std::string Code(const char* name) { return *name == '\0' ? "" : "`" + std::string(name) + "`"; }
 
@@ -115,6 +138,7 @@ std::string TickTable() {
 TEST(JointFields, TheTablesOfTheDocumentAndTheMessageAreThoseOfTheCode) {
   testing::ExpectText("runtime/record/lcm/joint_state_t.lcm", JointMessage());
   testing::ExpectText("runtime/record/lcm/state_t.lcm", TickMessage());
+  testing::ExpectText("runtime/record/lcm/run_t.lcm", RunMessageText());
   testing::ExpectTables(
       "docs/formats.md",
       std::vector<testing::DocsTable>{{"runtime/executor/joint_fields.h", "fields", JointTable()},
