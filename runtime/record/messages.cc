@@ -96,25 +96,11 @@ RunMessage::RunMessage(const RunDescription& about) {
   run_.version = TUMBLER_VERSION;
 }
 
-void RunMessage::Count(const TimedRecord& timed) {
-  const auto period_ns = static_cast<float>(1e9 / std::max(run_.about.rate_hz, 1e-3));
-  run_.ticks = timed.number + 1;
-  run_.missed_ticks = timed.record.tick - timed.number;
-  if (timed.wake_up_ns > period_ns / 2) ++run_.late_ticks;
-  run_.wake_up.Add(static_cast<std::int64_t>(timed.wake_up_ns));
-  run_.tick.Add(static_cast<std::int64_t>(timed.tick_ns));
-  bits_ += timed.bus_bits;
-  for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
-    run_.reply_age_max_ticks =
-        std::max(run_.reply_age_max_ticks, timed.record.joints[i].reply_age_ticks);
-  }
-}
-
 const run_t& RunMessage::At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished) {
   const double elapsed_s = static_cast<double>(time_ns - run_.time_ns) * 1e-9;
   const double capacity = elapsed_s * run_.about.bit_rate;
-  run_.bus_load = capacity > 0 ? static_cast<float>(static_cast<double>(bits_) / capacity) : 0;
-  bits_ = 0;
+  run_.bus_load = capacity > 0 ? static_cast<float>(static_cast<double>(run_.bits) / capacity) : 0;
+  run_.bits = 0;
   run_.time_ns = time_ns;
   run_.lost = lost;
   run_.unpublished = unpublished;

@@ -51,7 +51,7 @@ class RunMessage {
     run_.check_request = request;
   }
   /// Adds one record to the figures.
-  void Count(const TimedRecord& timed);
+  void Count(const TimedRecord& timed) { run_.Count(timed); }
   /// The message at this time. Its bus load counts from the message before.
   /// @param lost, unpublished  as Telemetry counts them.
   [[nodiscard]] const run_t& At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished);
@@ -59,7 +59,6 @@ class RunMessage {
  private:
   RunSoFar run_;
   run_t message_{};
-  std::int64_t bits_ = 0;  ///< Bits on the bus since the message before.
 };
 
 }  // namespace tumbler

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <tuple>
@@ -9,6 +11,7 @@
 #include "runtime/assembly/histogram.h"
 #include "runtime/executor/field_rows.h"
 #include "runtime/record/run_description.h"
+#include "runtime/record/timed_record.h"
 
 namespace tumbler {
 
@@ -25,9 +28,24 @@ struct RunSoFar {
   DurationHistogram wake_up;
   DurationHistogram tick;
   std::int32_t reply_age_max_ticks = -1;
+  std::int64_t bits = 0;  ///< On the bus since the message before.
   float bus_load = 0;
   std::int64_t lost = 0;
   std::int64_t unpublished = 0;
+
+  /// Adds a tick to the figures.
+  void Count(const TimedRecord& timed) {
+    const auto period_ns = static_cast<float>(1e9 / std::max(about.rate_hz, 1e-3));
+    ticks = timed.number + 1;
+    missed_ticks = timed.record.tick - timed.number;
+    if (timed.wake_up_ns > period_ns / 2) ++late_ticks;
+    wake_up.Add(static_cast<std::int64_t>(timed.wake_up_ns));
+    tick.Add(static_cast<std::int64_t>(timed.tick_ns));
+    bits += timed.bus_bits;
+    for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
+      reply_age_max_ticks = std::max(reply_age_max_ticks, timed.record.joints[i].reply_age_ticks);
+    }
+  }
 };
 
 /// The description of a field of run_t.
