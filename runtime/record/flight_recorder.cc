@@ -210,7 +210,7 @@ void FlightRecorder::Push(std::span<const std::uint8_t> message) noexcept {
 void FlightRecorder::Drain() { outlet_.Drain(); }
 void FlightRecorder::Start() { outlet_.Start(); }
 
-void FlightRecorder::Stop(const std::string& outcome, const EndPatienceSource& patience) {
+void FlightRecorder::Stop(const std::string& outcome, const Patience& patience) {
   if (!writer_->outcome) writer_->outcome = outcome;
   if (outlet_.Stop(patience)) return;
   left_behind_ =

@@ -56,7 +56,7 @@ class FlightRecorder final : public TickSink {
   /// whose file takes nothing for too long is left behind, which is the record's problem then.
   /// @param outcome   of the run, for people.
   /// @param patience  as that of TickOutlet::Stop.
-  void Stop(const std::string& outcome, const EndPatienceSource& patience = {});
+  void Stop(const std::string& outcome, const Patience& patience = {});
 
   [[nodiscard]] std::int64_t pushed() const noexcept;    ///< Ticks of the loop.
   [[nodiscard]] std::int64_t recorded() const noexcept;  ///< Ticks in the file.

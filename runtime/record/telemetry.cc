@@ -174,7 +174,7 @@ void Telemetry::Start() {
   for (const Implementation::Output& output : implementation_->outputs) output.outlet->Start();
 }
 
-void Telemetry::Stop(const EndPatienceSource& patience) {
+void Telemetry::Stop(const Patience& patience) {
   std::vector<std::string> failed, stalled;
   for (const Implementation::Output& output : implementation_->outputs) {
     const bool ended = output.outlet->Stop(patience);

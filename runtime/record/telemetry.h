@@ -52,7 +52,7 @@ class Telemetry final : public TickSink {
   /// nothing for too long is left behind.
   /// @param patience  as that of TickOutlet::Stop.
   /// @throws std::runtime_error  naming the files that could not be written whole.
-  void Stop(const EndPatienceSource& patience = {});
+  void Stop(const Patience& patience = {});
 
   /// Ticks for which an output had no room.
   [[nodiscard]] std::int64_t lost() const noexcept;

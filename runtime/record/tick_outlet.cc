@@ -35,7 +35,7 @@ void TickOutlet::Start() {
   thread_ = std::thread([work = work_] { work->Run(); });
 }
 
-bool TickOutlet::Stop(const EndPatienceSource& patience) {
+bool TickOutlet::Stop(const Patience& patience) {
   using SteadyClock = std::chrono::steady_clock;
   constexpr std::chrono::milliseconds kGlance(50);
   constexpr std::chrono::seconds kPatience(10);

@@ -39,7 +39,7 @@ class TickWriter {
 
 /// For how long what is written to may take nothing in the end. It is asked again and again, since
 /// whoever waits for the end may lose it.
-using EndPatienceSource = std::function<std::chrono::milliseconds()>;
+using Patience = std::function<std::chrono::milliseconds()>;
 
 /// Keeps a control loop and one writer apart: a ring between them, and either a thread that empties
 /// it (Start), or the caller does between ticks (Drain). In virtual time the latter loses nothing
@@ -62,11 +62,11 @@ class TickOutlet {
   /// Writes the rest, and ends the thread.
   /// @param patience  empty: 10 s.
   /// @returns false when the thread was left behind, since its writer took nothing for so long.
-  [[nodiscard]] bool Stop(const EndPatienceSource& patience = {});
+  [[nodiscard]] bool Stop(const Patience& patience = {});
 
  private:
   /// What a thread that was left behind still has.
-  struct Work {
+  struct Work {  // NOLINT(clang-analyzer-optin.performance.Padding): the ring has it on purpose
     Work(std::shared_ptr<TickWriter> writer_in, std::size_t ring_bytes)
         : writer(std::move(writer_in)), storage(ring_bytes), ring(storage) {}
     void Drain();
