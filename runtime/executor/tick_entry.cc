@@ -222,8 +222,8 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
     frame_count += count;
   }
   static constexpr TickRecord kNone{};
-  ForEachRow(kTickFields, [&](const auto& row) {
-    if constexpr (row.kRecorded) {
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    if constexpr (Row::kRecorded) {
       if (row.field.since > version) {
         row.in_record(entry.record) = row.in_record(kNone);
       } else {

@@ -59,6 +59,10 @@ struct TickFieldRow {
   static constexpr bool kShown = kIsThere<Shown>;
 };
 
+template <typename InRecord, typename OfTick, typename InMessage, typename Shown>
+TickFieldRow(TickField, InRecord, OfTick, InMessage, Shown)
+    -> TickFieldRow<InRecord, OfTick, InMessage, Shown>;
+
 #define TUMBLER_RECORD(member) \
   [](auto& record) noexcept -> auto& { return record.member; }
 #define TUMBLER_MESSAGE(member) \
@@ -208,8 +212,8 @@ inline constexpr std::tuple kTickFields{
 /// encoded.
 template <typename Record, typename Visit>
 constexpr void ForEachRecordedField(Record& record, const Visit& visit) {
-  ForEachRow(kTickFields, [&](const auto& row) {
-    if constexpr (row.kRecorded) visit(row.field, row.in_record(record));
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    if constexpr (Row::kRecorded) visit(row.field, row.in_record(record));
   });
 }
 

@@ -30,8 +30,8 @@ void Set(Member& member, const Value& value) {
 }  // namespace
 
 void FillState(const TimedRecord& timed, state_t& message) {
-  ForEachRow(kTickFields, [&](const auto& row) {
-    if constexpr (row.kFilled) Set(row.in_message(message), row.of_tick(timed));
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    if constexpr (Row::kFilled) Set(row.in_message(message), row.of_tick(timed));
   });
   message.joints.resize(timed.record.joint_count);
   for (std::size_t i = 0; i < timed.record.joint_count; ++i) {

@@ -69,6 +69,9 @@ struct RunFieldRow {
                      std::vector<std::string>>;
 };
 
+template <typename Value, typename InMessage>
+RunFieldRow(RunField, Value, InMessage) -> RunFieldRow<Value, InMessage>;
+
 #define TUMBLER_RUN_FIELD(name, expression, ...)                                  \
   RunFieldRow {                                                                   \
     RunField{#name, __VA_ARGS__}, [](const RunSoFar& run) { return expression; }, \

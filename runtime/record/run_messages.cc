@@ -74,8 +74,8 @@ class FieldLister {
 /// Calls `visit(name, value)` for what is said of a run in progress.
 template <typename Visit>
 void ForEachRunField(const run_t& run, Visit&& visit) {
-  ForEachRowBy<kRunFields, &RunField::mcap_place>([&](const auto& row) {
-    if constexpr (!row.kList) {
+  ForEachRowBy<kRunFields, &RunField::mcap_place>([&]<typename Row>(const Row& row) {
+    if constexpr (!Row::kList) {
       if (row.field.mcap_place > 0) visit(row.field.name, row.in_message(run));
     }
   });

@@ -15,8 +15,8 @@ namespace tumbler {
 /// those of its joints. A value is what TickFieldRow says of `Shown`.
 template <typename Visit>
 void ForEachTickColumn(const state_t& state, Visit&& visit) {
-  ForEachRowBy<kTickFields, &TickField::column_place>([&](const auto& row) {
-    if constexpr (row.kShown) {
+  ForEachRowBy<kTickFields, &TickField::column_place>([&]<typename Row>(const Row& row) {
+    if constexpr (Row::kShown) {
       if (row.field.column_place < kBehindJoints) visit(row.field.column, row.shown(state));
     }
   });
@@ -42,8 +42,8 @@ void ForEachJointColumn(const Visit& visit) {
 /// The columns that come after those of the joints, as ForEachTickColumn.
 template <typename Visit>
 void ForEachSensorColumn(const state_t& state, Visit&& visit) {
-  ForEachRowBy<kTickFields, &TickField::column_place>([&](const auto& row) {
-    if constexpr (row.kShown) {
+  ForEachRowBy<kTickFields, &TickField::column_place>([&]<typename Row>(const Row& row) {
+    if constexpr (Row::kShown) {
       if (row.field.column_place >= kBehindJoints) visit(row.field.column, row.shown(state));
     }
   });

@@ -23,6 +23,9 @@ struct RunFigureRow {
   Value value;  ///< Of a RunSummary; 0 or more.
 };
 
+template <typename Value>
+RunFigureRow(RunFigure, Value) -> RunFigureRow<Value>;
+
 #define TUMBLER_FIGURE(key, member, group, meaning)                              \
   RunFigureRow {                                                                 \
     RunFigure{#key, meaning, RunFigure::Group::group},                           \

@@ -72,8 +72,8 @@ std::string TickMessage() {
       "and after\n// rounding for the wire, and the measurements, all under one tick number.\n"
       "struct state_t\n{\n";
   state_t none;
-  ForEachRowBy<kTickFields, &TickField::message_place>([&](const auto& row) {
-    if constexpr (row.kInMessage) {
+  ForEachRowBy<kTickFields, &TickField::message_place>([&]<typename Row>(const Row& row) {
+    if constexpr (Row::kInMessage) {
       using Type = std::remove_cvref_t<decltype(row.in_message(none))>;
       text += MessageLine(LcmType<Type>(), row.field.message, row.field.meaning);
     }
@@ -94,10 +94,10 @@ std::string RunMessageText() {
       "end.\n"
       "struct run_t\n{\n";
   run_t none;
-  ForEachRowBy<kRunFields, &RunField::message_place>([&](const auto& row) {
+  ForEachRowBy<kRunFields, &RunField::message_place>([&]<typename Row>(const Row& row) {
     using Type = std::remove_cvref_t<decltype(row.in_message(none))>;
     std::string name = row.field.name;
-    if constexpr (row.kList) name += fmt::format("[{}]", row.field.dimension);
+    if constexpr (Row::kList) name += fmt::format("[{}]", row.field.dimension);
     // A boolean is one byte in messages, as int8_t is.
     const bool flag =
         std::is_same_v<std::invoke_result_t<decltype(row.value), const RunSoFar&>, bool>;
@@ -126,9 +126,9 @@ std::string TickTable() {
   std::string text =
       testing::MarkdownHead({"in a record", "bytes", "in `state_t`", "column", "meaning"});
   TickRecord record;
-  ForEachRow(kTickFields, [&](const auto& row) {
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
     std::string bytes;
-    if constexpr (row.kRecorded) bytes = std::to_string(sizeof(row.in_record(record)));
+    if constexpr (Row::kRecorded) bytes = std::to_string(sizeof(row.in_record(record)));
     text += testing::MarkdownRow({Code(row.field.record), bytes, Code(row.field.message),
                                   Code(row.field.column), row.field.meaning});
   });
@@ -180,15 +180,15 @@ TEST(JointFields, AMessageHoldsEachOfThemUnchanged) {
 TEST(TickFields, NoTwoOfThemHaveTheSamePlaceAndEachIsWhereItHasOne) {
   std::set<int> in_messages, in_tables;
   std::set<std::string> in_records;
-  ForEachRow(kTickFields, [&](const auto& row) {
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
     const TickField& field = row.field;
-    EXPECT_EQ(row.kInMessage, in_messages.insert(field.message_place).second &&
-                                  *field.message != '\0' && field.message_place > 0)
+    EXPECT_EQ(Row::kInMessage, in_messages.insert(field.message_place).second &&
+                                   *field.message != '\0' && field.message_place > 0)
         << field.message;
-    EXPECT_EQ(row.kShown, in_tables.insert(field.column_place).second && *field.column != '\0' &&
-                              field.column_place > 0)
+    EXPECT_EQ(Row::kShown, in_tables.insert(field.column_place).second && *field.column != '\0' &&
+                               field.column_place > 0)
         << field.column;
-    EXPECT_EQ(row.kRecorded, *field.record != '\0' && in_records.insert(field.record).second)
+    EXPECT_EQ(Row::kRecorded, *field.record != '\0' && in_records.insert(field.record).second)
         << field.record;
   });
 }
