@@ -8,10 +8,8 @@
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <set>
 #include <span>
 #include <stdexcept>
-#include <string_view>
 #include <type_traits>
 #include <utility>
 
@@ -19,6 +17,7 @@
 #include "common/core/index.h"
 #include "common/files/planned_passages.h"
 #include "common/files/toml_reader.h"
+#include "offline/certify/chain_world.h"
 #include "offline/problem/purpose_gauge.h"
 #include "offline/problem/task_frame.h"
 #include "offline/scene/even_steps.h"
@@ -40,71 +39,6 @@ constexpr double kImplausible = 1e4;
 constexpr double kFallenPitch = 0.5;
 constexpr double kPostureTolerance = 0.1;
 
-/// How the root is turned, as far as it can be compared with a plan: in the plane its pitch, in
-/// space what is vertical, in its frame. There headings do not count.
-template <class Space>
-using Attitude = std::conditional_t<std::is_same_v<Space, Plane>, double, SpaceVector>;
-/// What messages call it.
-template <class Space>
-constexpr const char* kAttitudeName = std::is_same_v<Space, Plane> ? "pitch" : "tilt";
-
-SpaceVector VerticalIn(const SpaceMatrix& axes) { return axes.transpose().col(2); }
-
-template <class Space>
-Attitude<Space> AttitudeOf(const PrimitivePose& pose) {
-  if constexpr (std::is_same_v<Space, Plane>) {
-    return pose.root_pitch_rad;
-  } else {
-    return VerticalIn(ToRotation(pose.root_quaternion));
-  }
-}
-
-/// The scene of one primitive, and the plan of the primitive in it.
-template <class Space>
-struct World {
-  World(const PrimitiveFile& f, const Problem& p)
-      : file(f),
-        problem(p),
-        scene(SceneIn<Space>(p)),
-        robot(scene),
-        distances(scene.robot, scene.self_contact.All()) {
-    for (const JointMotion<double>& motion : file.primitive.motions())
-      dof_of_joint.push_back(Index(scene.robot.FindDof(motion.name.view())));
-    for (const PurposeFigure& figure : file.purpose) gauges.emplace_back(figure, scene.robot);
-    for (const ContactInterval& interval : file.contacts) {
-      for (const ContactShape<Space>& shape : scene.robot.shapes) {
-        if (shape.name == interval.shape) touching_bodies.insert(shape.body);
-      }
-    }
-  }
-
-  const PrimitiveFile& file;
-  const Problem& problem;
-  const SceneOf<Space>& scene;
-  SceneDynamicsIn<Space> robot;
-  SelfDistancesIn<Space> distances;
-  std::vector<std::size_t> dof_of_joint;  // in the order of the primitive's joints
-  std::set<int> touching_bodies;          // that touch anything in the plan
-  std::vector<PurposeGauge> gauges;       // of the purpose's targets
-
-  /// How the root is turned when the primitive is played alone, from its own entry.
-  struct Planned {
-    double time_s;
-    Attitude<Space> attitude;
-  };
-  std::vector<Planned> plan;
-
-  [[nodiscard]] Attitude<Space> PlannedAt(double t) const {
-    const auto after = std::lower_bound(plan.begin(), plan.end(), t,
-                                        [](const auto& p, double x) { return p.time_s < x; });
-    if (after == plan.begin()) return plan.front().attitude;
-    if (after == plan.end()) return plan.back().attitude;
-    const auto before = after - 1;
-    const double share = (t - before->time_s) / (after->time_s - before->time_s);
-    return before->attitude + share * (after->attitude - before->attitude);
-  }
-};
-
 template <class Space>
 class Simulation {
  public:
@@ -120,7 +54,8 @@ class Simulation {
       bar_ = scene.bar;
     }
     for (std::size_t i = 0; i < file_.primitives.size(); ++i)
-      worlds_.push_back(std::make_unique<World<Space>>(file_.primitives[i], motion.ProblemOf(i)));
+      worlds_.push_back(
+          std::make_unique<ChainWorld<Space>>(file_.primitives[i], motion.ProblemOf(i)));
     CheckPassiveJoints();
     for (int node = 0; node < file_.graph.node_count; ++node) {
       if (WorldOf(node).plan.empty()) Plan(node);
@@ -158,7 +93,7 @@ class Simulation {
  private:
   static constexpr bool kPlanar = std::is_same_v<Space, Plane>;
 
-  [[nodiscard]] World<Space>& WorldOf(int node) const {
+  [[nodiscard]] ChainWorld<Space>& WorldOf(int node) const {
     return *worlds_[Index(file_.graph.node(node).primitive)];
   }
 
@@ -356,7 +291,7 @@ class Simulation {
 
   /// Notes where the motion begins: its task has it at the primitive's entry.
   void BeginPurpose(PlayedNode& passage) {
-    const World<Space>& world = WorldOf(passage.node);
+    const ChainWorld<Space>& world = WorldOf(passage.node);
     for (std::size_t i = 0; i < world.gauges.size(); ++i)
       passage.purpose.push_back({world.file.purpose[i], {}, {}, world.gauges[i].obstacle()});
     const PrimitivePose& entry = world.file.entry;
@@ -372,7 +307,7 @@ class Simulation {
   /// Judges the targets that are due at a time since the start of the node.
   /// @param all  judges all, since the next motion begins.
   /// @pre the world's robot is in the state at that time.
-  void JudgePurpose(PlayedNode& passage, const World<Space>& world, double time_s, bool all) {
+  void JudgePurpose(PlayedNode& passage, const ChainWorld<Space>& world, double time_s, bool all) {
     const double duration_s = world.file.primitive.duration_s;
     const bool swings_on = hinged_ && !world.file.primitive.feedback.present();
     for (std::size_t i = 0; i < passage.purpose.size(); ++i) {
@@ -388,7 +323,7 @@ class Simulation {
   }
 
   /// The value of a target in the coordinates of the task.
-  [[nodiscard]] double ValueOf(int node, const World<Space>& world, std::size_t target) {
+  [[nodiscard]] double ValueOf(int node, const ChainWorld<Space>& world, std::size_t target) {
     if (world.file.purpose[target].of == PurposeTarget::Of::kSpeed)
       return std::ranges::max(speeds_, {}, &SpeedAt::speed).speed;
     typename Dynamics::Numbers q = world.robot.q, qd = world.robot.qd;
@@ -412,7 +347,7 @@ class Simulation {
 
   /// Judges at the end of a motion or a hold, where no step begins.
   /// @param t  of the primitive; kHeld: after it.
-  void JudgeAtEnd(PlayedNode& passage, World<Space>& world, double t, bool all) {
+  void JudgeAtEnd(PlayedNode& passage, ChainWorld<Space>& world, double t, bool all) {
     if (planning_ || passage.purpose.empty()) return;
     NoteSpeed();
     world.robot.Use(chart_);
@@ -452,7 +387,7 @@ class Simulation {
   static std::string MessageText(double value) { return fmt::format("{:.4g}", value); }
 
   bool Move(PlayedNode& passage) {
-    World<Space>& world = WorldOf(passage.node);
+    ChainWorld<Space>& world = WorldOf(passage.node);
     const double duration = world.file.primitive.duration_s;
     const EvenSteps steps = StepsOf(world, duration);
     const double start = time_;
@@ -466,7 +401,7 @@ class Simulation {
   }
 
   bool Hold(PlayedNode& passage, double hold_s) {
-    World<Space>& world = WorldOf(passage.node);
+    ChainWorld<Space>& world = WorldOf(passage.node);
     passage.hold_s = hold_s;
     const EvenSteps steps = StepsOf(world, hold_s);
     const double start = time_;
@@ -478,12 +413,12 @@ class Simulation {
     return true;
   }
 
-  [[nodiscard]] EvenSteps StepsOf(const World<Space>& world, double duration_s) const {
+  [[nodiscard]] EvenSteps StepsOf(const ChainWorld<Space>& world, double duration_s) const {
     return {duration_s, options_.step_s > 0 ? options_.step_s : world.problem.solver.step_s};
   }
 
   /// Puts the robot's joints where the node's primitive has them at its time t.
-  void Prescribe(int node, World<Space>& world, double t) {
+  void Prescribe(int node, ChainWorld<Space>& world, double t) {
     Dynamics& robot = world.robot;
     for (int j = 0; j < world.file.primitive.joint_count; ++j) {
       const std::size_t dof = world.dof_of_joint[Index(j)];
@@ -502,7 +437,7 @@ class Simulation {
 
   /// One step of the root. `time_at` gives the time of the node for a part of the step, 0 to 1.
   template <class TimeAt>
-  bool Step(PlayedNode& passage, World<Space>& world, double h, const TimeAt& time_at) {
+  bool Step(PlayedNode& passage, ChainWorld<Space>& world, double h, const TimeAt& time_at) {
     Dynamics& robot = world.robot;
     const std::size_t size = 2 * robot.free.size();
     robot.Use(chart_);
@@ -532,7 +467,7 @@ class Simulation {
   }
 
   /// Takes the state at the start of a step into the figures of the passage.
-  bool Look(PlayedNode& passage, World<Space>& world) {
+  bool Look(PlayedNode& passage, ChainWorld<Space>& world) {
     const int node = passage.node;
     if (planning_) {
       if constexpr (kPlanar) {
@@ -607,7 +542,7 @@ class Simulation {
   }
 
   /// The body of the plan whose role a body of the robot has in this node.
-  [[nodiscard]] int RoleOfBody(int node, const World<Space>& world, int body) const {
+  [[nodiscard]] int RoleOfBody(int node, const ChainWorld<Space>& world, int body) const {
     const auto& dofs = world.dof_of_joint;
     const auto joint = std::find(dofs.begin(), dofs.end(), Index(body));
     if (joint == dofs.end()) return body;
@@ -623,7 +558,7 @@ class Simulation {
   bool root_ = false;    // whether the root is not fixed
   bool hinged_ = false;  // on a bar
   Plane::Vector bar_ = Plane::Vector::Zero();
-  std::vector<std::unique_ptr<World<Space>>> worlds_;  // by primitive
+  std::vector<std::unique_ptr<ChainWorld<Space>>> worlds_;  // by primitive
   typename Dynamics::State root_state_{};
   RootChart<Space> chart_;
   double turned_rad_ = 0;        // in space, the sum of small turns in this motion
@@ -652,57 +587,6 @@ void CheckChain(const SimulatedMotion& motion) {
 }
 
 }  // namespace
-
-const char* ToString(Posture posture) {
-  switch (posture) {
-    case Posture::kUpright:
-      return "upright";
-    case Posture::kLevel:
-      return "level";
-    case Posture::kInclined:
-      return "inclined";
-    case Posture::kHanging:
-      return "hanging";
-    case Posture::kAbove:
-      return "above";
-    case Posture::kFixed:
-      return "fixed";
-  }
-  return "unknown";
-}
-
-const char* ToString(ChainFailure::Cause cause) {
-  switch (cause) {
-    case ChainFailure::Cause::kImplausible:
-      return "implausible";
-    case ChainFailure::Cause::kCore:
-      return "core";
-    case ChainFailure::Cause::kTouch:
-      return "touch";
-    case ChainFailure::Cause::kOverlap:
-      return "overlap";
-    case ChainFailure::Cause::kStop:
-      return "stop";
-    case ChainFailure::Cause::kFallen:
-      return "fallen";
-    case ChainFailure::Cause::kExit:
-      return "exit";
-    case ChainFailure::Cause::kPurpose:
-      return "purpose";
-    case ChainFailure::Cause::kEntry:
-      return "entry";
-  }
-  return "unknown";
-}
-
-ChainOutcome::Judged ChainOutcome::CountJudged() const {
-  Judged count;
-  for (const PlayedNode& passage : passages) {
-    for (const JudgedTarget& judged : passage.purpose)
-      ++(judged.result ? count.judged : count.not_judged);
-  }
-  return count;
-}
 
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor) {

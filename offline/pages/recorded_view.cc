@@ -56,7 +56,7 @@ RecordedRun RecordedView(const std::string& path) {
   const std::int64_t step = (ticks + kFramesMax - 1) / kFramesMax;
   std::optional<std::int64_t> figures_at_ns;
   state_t state;
-  TimedRecords records(record.configuration());
+  TimedRecords records = TimedRecordsOf(record.configuration());
   const auto entry = std::make_unique<TickEntry>();
   for (std::int64_t i = 0; record.Next(*entry); ++i) {
     for (const auto& bytes : record.truths()) {

@@ -21,8 +21,9 @@
 #include "firmware_interface/devices/drive_server.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "offline/twin/simulated_robot.h"
-#include "offline/twin/truth_log.h"
+#include "offline/twin/truth_sampler.h"
 #include "offline/twin/twin_toml.h"
+#include "runtime/record/telemetry.h"
 
 namespace tumbler {
 namespace {
@@ -155,11 +156,13 @@ ExitStatus Run(const Options& options) {
   SimulatedRobotConfig config;
   if (!options.config.empty()) config = LoadTwin(options.config, motion);
   SimulatedRobot robot(motion, drives, config);
-  TruthLogConfig truth_config;
-  truth_config.log_file = options.truth;
-  truth_config.lcm_url = options.lcm_url;
-  truth_config.utime_at_zero_us = UtimeNow();
-  TruthLog truth(truth_config);
+  TelemetryConfig outputs;
+  outputs.truth_file = options.truth;
+  outputs.lcm_url = options.lcm_url;
+  outputs.utime_at_zero_us = UtimeNow();
+  Telemetry telemetry(outputs);
+  TickFeed feed({&telemetry});
+  TruthSampler truth([&feed](std::span<const std::uint8_t> state) { feed.PushTruth(state); });
 
   std::vector<ServedDrive> served;
   for (std::size_t j = 0; j < robot.joint_count(); ++j)
@@ -169,6 +172,7 @@ ExitStatus Run(const Options& options) {
       [&](std::int64_t time_ns) {
         robot.AdvanceTo(time_ns);
         truth.Observe(robot);
+        feed.Drain();
       },
       options.pace);
   fmt::print("{} with {} drives on {}, held\n", motion.file().graph.name.view(),
@@ -199,7 +203,7 @@ ExitStatus Run(const Options& options) {
       DriveServer::Say(Describe(events[told - left_out]));
   }
   if (!options.json.empty()) WriteResult(options.json, JsonOf(options, robot));
-  truth.Finish();
+  telemetry.Stop();
   return robot.posture().falls() + robot.posture().overlaps() > 0 ? ExitStatus::kAmiss
                                                                   : ExitStatus::kDone;
 }

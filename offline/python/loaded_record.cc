@@ -68,7 +68,7 @@ LoadedRecord LoadRecord(const std::string& path) {
   loaded.name = path;
   loaded.joints = record.configuration().joints;
   loaded.period_s = static_cast<double>(record.configuration().period_ns) * 1e-9;
-  TimedRecords records(record.configuration());
+  TimedRecords records = TimedRecordsOf(record.configuration());
   const auto entry = std::make_unique<TickEntry>();
   state_t state{};
   while (record.Next(*entry)) {

@@ -127,21 +127,20 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   const RunProcedureConfig procedure =
       ProcedureConfigOf(plan.settings, parts.drives, parts.sequence->graph);
 
-  std::unique_ptr<FlightRecorder> recorder;
+  TickFeed feed;
   SimulatedWorldConfig world_config;
   world_config.twin_file = plan.twin;
   world_config.bus_faults = plan.bus_faults;
   world_config.begin = plan.settings.begin;
-  world_config.truth_sink = [&recorder](std::span<const std::uint8_t> truth) {
-    if (recorder != nullptr) recorder->PushTruth(truth);
-  };
+  world_config.truth_sink = [&feed](std::span<const std::uint8_t> truth) { feed.PushTruth(truth); };
   const std::unique_ptr<World> world =
       simulation.make_world(parts.file, parts.drives, world_config);
-  recorder = OpenRecorder(plan.record,
-                          ConfigurationOf(plan, assembly, files, executor, procedure, period_ns),
-                          [](const std::string& text) { SayToOperator("tumbler: " + text); });
+  const std::unique_ptr<FlightRecorder> recorder = OpenRecorder(
+      plan.record, ConfigurationOf(plan, assembly, files, executor, procedure, period_ns),
+      [](const std::string& text) { SayToOperator("tumbler: " + text); });
+  feed.Add(recorder.get());
   world->Open();
-  Play play(assembly, *world, {nullptr, recorder.get()});
+  Play play(assembly, *world, feed);
   play.Run(procedure, period_ns, [&stop](const ControlLoop& /*loop*/) {
     if (stop) throw std::runtime_error("the run was stopped");
   });

@@ -113,8 +113,7 @@ VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation&
   procedure_ = std::make_unique<RunProcedure>(
       ProcedureConfigOf(play.settings, drives(), assembly_->parts().sequence->graph));
   loop_ = std::make_unique<ControlLoop>(
-      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_, nullptr,
-                         play.recorder},
+      ControlLoop::Parts{assembly_->executor(), *host_, *clock_, *procedure_, mailbox_, play.feed},
       static_cast<std::int64_t>(std::llround(1e9 / drives().rate_hz)), 0);
 }
 

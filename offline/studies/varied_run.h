@@ -74,7 +74,7 @@ class VariedRun {
     /// The same motion for the executor; null: as it is in its file.
     std::unique_ptr<const Sequence<float>> sequence;
     RunSettings settings;
-    FlightRecorder* recorder = nullptr;  ///< Gets every tick; null: none does.
+    TickFeed* feed = nullptr;  ///< Gets every tick; null: none does.
   };
 
   /// @param shared  with what happens to this robot alone in its `config`.

@@ -15,7 +15,7 @@
 #include "offline/twin/damping_notes.h"
 #include "offline/twin/purpose_judge.h"
 #include "offline/twin/simulated_robot.h"
-#include "offline/twin/truth_log.h"
+#include "offline/twin/truth_sampler.h"
 #include "offline/twin/twin_toml.h"
 #include "runtime/executor/tick.h"
 
@@ -60,11 +60,6 @@ class SimulatedWorld final : public World {
       if (event.kind == PostureEvent::Kind::kOverlap && event.time_ns <= end_ns)
         summary.overlaps.push_back({time_s, Describe(event)});
     }
-    try {
-      truth_.Finish();
-    } catch (const std::exception& error) {
-      summary.unwritten.emplace_back(error.what());
-    }
   }
 
  private:
@@ -76,8 +71,7 @@ class SimulatedWorld final : public World {
         judge_(motion.problem().space ? PurposeJudge(file, motion.problem().space->scene.robot)
                                       : PurposeJudge(file, motion.scene().robot)),
         host_(robot_.bus().Attach(drives.HostPort())),
-        truth_(
-            {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
+        truth_(config.truth_sink),
         paced_(config.paced) {
     const auto advance = [this](std::int64_t time_ns) { robot_.AdvanceTo(time_ns); };
     if (!config.bus_faults.empty()) {
@@ -132,7 +126,7 @@ class SimulatedWorld final : public World {
   bool fixed_, hinged_;
   PurposeJudge judge_;
   SimulatedPort& host_;
-  TruthLog truth_;
+  TruthSampler truth_;
   bool paced_;
   std::unique_ptr<Clock> clock_;
 };

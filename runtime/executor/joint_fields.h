@@ -18,15 +18,26 @@ struct JointField {
   const char* meaning;
   Origin origin = Origin::kExecutor;  ///< Where the value comes from.
   const char* status = nullptr;       ///< Its key in `tumbler ctl status --json`; null: not there.
+  bool empty_if_nan = false;  ///< Whether tables are empty where it is NaN: nothing was measured.
+  std::uint32_t since = 1;    ///< The first version of flight records that has it.
 };
 
-/// The field of a joint that messages and tables have besides those of JointRecord. It follows from
-/// the frames of a run, by their times (firmware_interface/devices/sample_times.h).
-inline constexpr JointField kReplySampled{
-    "reply_sampled_us", "reply_sampled_us", "us",
-    "when the measured position was sampled, from the start of this tick, so below 0; "
-    "NaN (empty in CSV): not known",
-    JointField::Origin::kDrive};
+/// The first version of flight records with a sensor.
+inline constexpr std::uint32_t kRecordedSensors = 4;
+
+/// Calls `visit(field, of_tick, in_message)` for every field of a joint that messages and tables
+/// have besides those of JointRecord: it follows from the frames of a run. `of_tick(tick, j)` is
+/// the value of joint j in a tick with its times (TimedRecord).
+template <typename Visit>
+constexpr void ForEachDerivedJointField(const Visit& visit) noexcept {
+  visit(
+      JointField{"reply_sampled_us", "reply_sampled_us", "us",
+                 "when the measured position was sampled, from the start of this tick, so below 0; "
+                 "NaN (empty in CSV): not known",
+                 JointField::Origin::kDrive, nullptr, true},
+      [](const auto& tick, std::size_t j) noexcept { return tick.reply_sampled_us[j]; },
+      [](auto& message) noexcept -> auto& { return message.reply_sampled_us; });
+}
 
 /// Calls `visit(field, in_record, in_message)` for every field of a joint in one tick, in the order
 /// of the members of JointRecord. `in_record(joint)` is the member of a JointRecord, and
@@ -65,7 +76,7 @@ constexpr void ForEachJointField(Visit&& visit) noexcept {
                    "in the reply to the setpoint of the tick before", kDrive, "measured_rad_s");
   TUMBLER_FIELD_OF(measured, torque_nm, "N m",
                    "as the drive reported it last; NaN (empty in CSV, null in JSON): it never has",
-                   kDrive, "measured_nm");
+                   kDrive, "measured_nm", true);
   TUMBLER_FIELD(temperature_c, "deg C", "0 where the drive does not say", kDrive, "temperature_c");
   TUMBLER_FIELD(reply_age_ticks, "ticks", "0: replied since the tick before; -1: never", kDrive,
                 "reply_age_ticks");
@@ -78,7 +89,8 @@ constexpr void ForEachJointField(Visit&& visit) noexcept {
                 "drive_error");
   TUMBLER_FIELD(limit_active, "", "planned was outside a limit");
   TUMBLER_FIELD(correction_rad, "rad",
-                "of the position by the feedback, in planned; 0 without a sensor");
+                "of the position by the feedback, in planned; 0 without a sensor", kExecutor,
+                nullptr, false, kRecordedSensors);
 
 #undef TUMBLER_FIELD_OF
 #undef TUMBLER_FIELD

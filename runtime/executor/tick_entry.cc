@@ -1,7 +1,6 @@
 #include "runtime/executor/tick_entry.h"
 
 #include <bit>
-#include <string_view>
 
 namespace tumbler {
 namespace {
@@ -104,11 +103,6 @@ constexpr DriveState LastOf(DriveState /*any*/) noexcept { return DriveState::kL
 constexpr SensorStatus LastOf(SensorStatus /*any*/) noexcept { return SensorStatus::kInconsistent; }
 constexpr ReplyStatus LastOf(ReplyStatus /*any*/) noexcept { return ReplyStatus::kOkSomeLate; }
 
-/// Whether a field has been there only since there are sensors.
-bool IsOfSensor(std::string_view name) noexcept {
-  return name.starts_with("sensor.") || name == "correction_rad";
-}
-
 template <typename Enum>
 constexpr bool IsUpTo(Enum value, Enum last) noexcept {
   return value <= last;
@@ -183,7 +177,7 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
 }
 
 [[gnu::flatten]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry,
-                                 TickFormat format) noexcept {
+                                 std::uint32_t version) noexcept {
   Reader reader(bytes);
   std::uint8_t received_count = 0, joint_count = 0;
   reader.Take(entry.index);
@@ -227,18 +221,27 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
     }
     frame_count += count;
   }
-  if (format == TickFormat::kWithoutSensor) {
-    entry.record.sensor = {};
-    for (JointRecord& joint : entry.record.joints) joint.correction_rad = 0;
-  }
-  const auto take = [&reader, format](const char* name, auto& field) {
-    if (format == TickFormat::kWithoutSensor && IsOfSensor(name)) return;
-    reader.Take(field);
-  };
-  VisitFields(entry.record, take);
+  static constexpr TickRecord kNone{};
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    if constexpr (Row::kRecorded) {
+      if (row.field.since > version) {
+        row.in_record(entry.record) = row.in_record(kNone);
+      } else {
+        reader.Take(row.in_record(entry.record));
+      }
+    }
+  });
   reader.Require(entry.record.joint_count == joint_count && notes.sent_count <= frame_count);
   if (!reader.valid()) return false;
-  for (std::size_t i = 0; i < joint_count; ++i) VisitFields(entry.record.joints[i], take);
+  for (std::size_t i = 0; i < joint_count; ++i) {
+    ForEachJointField([&](const JointField& field, auto in_record, auto /*in_message*/) {
+      if (field.since > version) {
+        in_record(entry.record.joints[i]) = in_record(kNone.joints[i]);
+      } else {
+        reader.Take(in_record(entry.record.joints[i]));
+      }
+    });
+  }
   return reader.done() && HasKnownEnumerators(entry);
 }
 

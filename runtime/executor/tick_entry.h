@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <type_traits>
 
@@ -12,6 +13,7 @@
 #include "firmware_interface/devices/drive.h"
 #include "runtime/executor/joint_fields.h"
 #include "runtime/executor/tick.h"
+#include "runtime/executor/tick_fields.h"
 
 namespace tumbler {
 
@@ -77,38 +79,10 @@ constexpr void VisitFields(Joint& joint, Visit&& visit) noexcept requires
 template <typename Record, typename Visit>
 constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
     std::is_same_v<std::remove_const_t<Record>, TickRecord> {
-  visit("tick", record.tick);
-  visit("primitive_time_s", record.primitive_time_s);
-  visit("faults", record.faults);
-  visit("state", record.state);
-  visit("reaction", record.reaction);
-  visit("command", record.command);
-  visit("joint_count", record.joint_count);
-  visit("node", record.node);
-  visit("cycles", record.cycles);
-  visit("first_fault.tick", record.first_fault.tick);
-  visit("first_fault.value", record.first_fault.value.bits);
-  visit("first_fault.limit", record.first_fault.limit.bits);
-  visit("first_fault.fault", record.first_fault.fault);
-  visit("first_fault.joint", record.first_fault.joint);
-  visit("first_fault.state", record.first_fault.state);
-  visit("first_fault.reaction", record.first_fault.reaction);
-  visit("refusal.value", record.refusal.value.bits);
-  visit("refusal.limit", record.refusal.limit.bits);
-  visit("refusal.refusal", record.refusal.refusal);
-  visit("refusal.joint", record.refusal.joint);
-  visit("sensor.pitch_rad", record.sensor.pitch_rad);
-  visit("sensor.rate_rad_s", record.sensor.rate_rad_s);
-  visit("sensor.error_rad", record.sensor.error_rad);
-  visit("sensor.rate_error_rad_s", record.sensor.rate_error_rad_s);
-  visit("sensor.share", record.sensor.share);
-  visit("sensor.age_ticks", record.sensor.age_ticks);
-  visit("sensor.status", record.sensor.status);
+  ForEachRecordedField(record,
+                       [&](const TickField& field, auto& member) { visit(field.record, member); });
 }
 
-// A member that is added there has to be added above, or it would neither be recorded nor compared.
-static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 96,
-              "VisitFields has to name every member of TickRecord");
 static_assert(sizeof(TickInput) == 24 + sizeof(std::span<const ReceivedFrame>),
               "TickEntry has to have every member of TickInput");
 
@@ -125,15 +99,13 @@ inline constexpr std::size_t kTickEntryBytesMax =
 std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
                        const TickOutput& output, std::span<std::uint8_t> out) noexcept;
 
-/// What an encoded tick has.
-enum class TickFormat : std::uint8_t {
-  kWithoutSensor,  ///< As in flight records up to version 3.
-  kCurrent,
-};
+/// The version of flight records in which ticks have all fields.
+inline constexpr std::uint32_t kCurrentTicks = std::numeric_limits<std::uint32_t>::max();
 
 /// Reads an encoded tick. @returns false when the bytes are not exactly one tick: too few, too
 /// many, or with a count or an enumerator that does not exist. `entry` may be partly written then.
+/// @param version  of the flight record. What it does not have is as if it had never been set.
 [[nodiscard]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry,
-                              TickFormat format = TickFormat::kCurrent) noexcept;
+                              std::uint32_t version = kCurrentTicks) noexcept;
 
 }  // namespace tumbler

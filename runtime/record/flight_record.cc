@@ -19,8 +19,6 @@ namespace {
 
 /// The version since which the integers of faults and refusals are integers.
 constexpr std::uint32_t kIntegerDetails = 3;
-/// The first version whose ticks have a sensor.
-constexpr std::uint32_t kSensors = 4;
 
 /// Makes integers of the floats of an earlier version.
 void TakeFloats(TickRecord& record) {
@@ -148,8 +146,7 @@ bool FlightRecord::Next(TickEntry& entry) {
     switch (block.kind) {
       case BlockKind::kTick:
         tick_offset_ = block.offset;
-        if (DecodeTick(block.content, entry,
-                       version() < kSensors ? TickFormat::kWithoutSensor : TickFormat::kCurrent)) {
+        if (DecodeTick(block.content, entry, version())) {
           if (version() < kIntegerDetails) TakeFloats(entry.record);
           return true;
         }

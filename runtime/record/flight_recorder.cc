@@ -4,21 +4,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
 #include <atomic>
 #include <cerrno>
-#include <chrono>
-#include <condition_variable>
-#include <cstring>
 #include <filesystem>
-#include <mutex>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
-#include <thread>
 #include <vector>
 
-#include "common/core/message_ring.h"
 #include "common/files/result_file.h"
 
 namespace tumbler {
@@ -36,10 +29,8 @@ std::int64_t IndexOf(std::span<const std::uint8_t> tick) {
 
 }  // namespace
 
-// The ring is padded on purpose, and nothing else in here matters beside its size.
-struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performance.Padding)
-  explicit Implementation(const FlightRecorderConfig& config_in)
-      : config(config_in), storage(config_in.ring_bytes), ring(storage) {
+struct FlightRecorder::Writer final : TickWriter {
+  explicit Writer(const FlightRecorderConfig& config_in) : config(config_in) {
     chunk.reserve(kChunkBytes + kTickEntryBytesMax + 4 * kBlockHeaderBytes);
     MakeFolderOf(config.file);
     descriptor =
@@ -61,34 +52,32 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
       throw std::runtime_error(problem);
     }
   }
-  ~Implementation() {
-    if (descriptor >= 0) {
-      Drain();
-      close(descriptor);
-      if (pushed == 0) unlink(config.file.c_str());
-    }
+  ~Writer() override {
+    if (descriptor < 0) return;
+    close(descriptor);
+    if (pushed == 0) unlink(config.file.c_str());
   }
 
-  void Drain() {
-    std::size_t size = 0;
-    while (ring.Pop(message, size)) {
-      const auto kind = static_cast<BlockKind>(message[0]);
-      const std::span<const std::uint8_t> tick = std::span(message).subspan(1, size - 1);
-      if (!problem.empty()) continue;  // Recording has stopped: messages are thrown away.
-      if (kind == BlockKind::kTruth) {
-        Add(kind, tick);
-        if (chunk.size() >= kChunkBytes) WriteChunk();
-        continue;
-      }
-      const std::int64_t index = IndexOf(tick);
+  void Take(std::span<const std::uint8_t> message) override {
+    if (!problem.empty()) return;  // Recording has stopped: messages are thrown away.
+    if (KindOf(message) == BlockKind::kTick) {
+      const std::int64_t index = IndexOf(ContentOf(message));
       if (index > next_index) AddLost(index - next_index);
       last_index = index;
       next_index = index + 1;
-      Add(BlockKind::kTick, tick);
-      if (chunk.size() >= kChunkBytes) WriteChunk();
     }
-    WriteChunk();
+    Add(KindOf(message), ContentOf(message));
+    if (chunk.size() >= kChunkBytes) WriteChunk();
   }
+  void Drained() override { WriteChunk(); }
+  void Idle() override {
+    constexpr int kRounds = 200;
+    if (++rounds % kRounds == 0) Sync();
+  }
+  void Finish() override {
+    if (outcome) Complete(*outcome);
+  }
+  [[nodiscard]] std::int64_t progress() const noexcept override { return taken; }
 
   void AddLost(std::int64_t count) {
     Add(BlockKind::kLost, EncodeLost({next_index, count}));
@@ -161,8 +150,6 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
 
   /// Writes the rest, and the block that says that the record is complete.
   void Complete(const std::string& how) {
-    if (descriptor < 0) return;
-    Drain();
     if (problem.empty()) {
       if (pushed > next_index) AddLost(pushed - next_index);
       WriteChunk();
@@ -174,43 +161,20 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
     descriptor = -1;
   }
 
-  /// Waits for the end of the thread.
-  /// @returns false when it was left behind, since the file took nothing for so long.
-  bool Await(std::thread& thread, const std::function<std::chrono::milliseconds()>& patience) {
-    using SteadyClock = std::chrono::steady_clock;
-    constexpr std::chrono::milliseconds kGlance(50);
-    std::unique_lock lock(mutex);
-    std::int64_t progress = -1;
-    auto progressed = SteadyClock::now();
-    while (!ended.wait_for(lock, kGlance, [this] { return done; })) {
-      if (taken != progress) progressed = SteadyClock::now();
-      progress = taken;
-      if (SteadyClock::now() - progressed < patience()) continue;
-      thread.detach();
-      return false;
-    }
-    lock.unlock();
-    thread.join();
-    return true;
-  }
-
   struct BlockEnd {
     std::size_t offset = 0;  // of the block's end in the chunk
     std::int64_t ticks = 0;  // 1 if the block is a tick
   };
 
   FlightRecorderConfig config;
-  std::vector<std::uint8_t> storage;
-  MessageRing ring;
+  std::optional<std::string> outcome;  // of the run, where the record is to be completed
 
-  // Used by the loop. The first byte of a message in the ring is the kind of its block.
-  std::array<std::uint8_t, 1 + kTickEntryBytesMax> scratch;
+  // Counted by the loop.
   std::atomic<std::int64_t> pushed{0};
   std::atomic<std::int64_t> lost{0};
 
   // Used by the thread that writes the file.
   int descriptor = -1;
-  std::array<std::uint8_t, 1 + kTickEntryBytesMax> message;
   RecordBytes chunk;  // blocks that are still to be written
   std::vector<BlockEnd> ends;
   std::uint32_t blocks = 0;
@@ -220,14 +184,8 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   std::int64_t last_index = -1;
   std::atomic<std::int64_t> recorded{0};
   std::string problem;
-
-  // Between the thread and whoever ends it.
-  std::atomic<bool> stop{false};
+  int rounds = 0;
   std::atomic<std::int64_t> taken{0};  // grows as long as the file takes something
-  std::mutex mutex;
-  std::condition_variable ended;
-  std::optional<std::string> outcome;  // of the run, where the record is to be completed
-  bool done = false;
 };
 
 void RequireNewRecord(const std::string& file) {
@@ -238,85 +196,33 @@ void RequireNewRecord(const std::string& file) {
 }
 
 FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)
-    : implementation_(std::make_shared<Implementation>(config)) {}
+    : writer_(std::make_shared<Writer>(config)), outlet_(writer_, config.ring_bytes) {}
 
-FlightRecorder::~FlightRecorder() {
-  if (!thread_.joinable()) return;
-  implementation_->stop = true;
-  static_cast<void>(implementation_->Await(thread_, [] { return std::chrono::seconds(1); }));
+FlightRecorder::~FlightRecorder() = default;
+
+void FlightRecorder::Push(std::span<const std::uint8_t> message) noexcept {
+  const bool taken = !ContentOf(message).empty() && outlet_.Push(message);
+  if (KindOf(message) != BlockKind::kTick) return;
+  writer_->pushed.fetch_add(1, std::memory_order_relaxed);
+  if (!taken) writer_->lost.fetch_add(1, std::memory_order_relaxed);
 }
 
-void FlightRecorder::Push(const TickNotes& notes, const TickInput& input,
-                          const TickOutput& output) noexcept {
-  Implementation& self = *implementation_;
-  const std::int64_t index = self.pushed.load(std::memory_order_relaxed);
-  self.pushed.store(index + 1, std::memory_order_relaxed);
-  self.scratch[0] = static_cast<std::uint8_t>(BlockKind::kTick);
-  const std::size_t size =
-      EncodeTick(index, notes, input, output, std::span(self.scratch).subspan(1));
-  if (size == 0 || !self.ring.Push(std::span(self.scratch).first(1 + size))) {
-    self.lost.fetch_add(1, std::memory_order_relaxed);
-  }
-}
+void FlightRecorder::Drain() { outlet_.Drain(); }
+void FlightRecorder::Start() { outlet_.Start(); }
 
-void FlightRecorder::PushTruth(std::span<const std::uint8_t> message) noexcept {
-  Implementation& self = *implementation_;
-  if (message.empty() || message.size() > kTickEntryBytesMax) return;
-  self.scratch[0] = static_cast<std::uint8_t>(BlockKind::kTruth);
-  std::memcpy(self.scratch.data() + 1, message.data(), message.size());
-  static_cast<void>(self.ring.Push(std::span(self.scratch).first(1 + message.size())));
-}
-
-void FlightRecorder::Drain() { implementation_->Drain(); }
-
-void FlightRecorder::Start() {
-  implementation_->stop = false;
-  thread_ = std::thread([self = implementation_] {
-    int round = 0;
-    while (!self->stop) {
-      self->Drain();
-      if (++round % 200 == 0) self->Sync();
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-    std::optional<std::string> outcome;
-    {
-      const std::lock_guard lock(self->mutex);
-      outcome = self->outcome;
-    }
-    if (outcome) self->Complete(*outcome);
-    const std::lock_guard lock(self->mutex);
-    self->done = true;
-    self->ended.notify_all();
-  });
-}
-
-void FlightRecorder::Stop(const std::string& outcome,
-                          const std::function<std::chrono::milliseconds()>& patience) {
-  Implementation& self = *implementation_;
-  if (!thread_.joinable()) {
-    if (left_behind_.empty()) self.Complete(outcome);
-    return;
-  }
-  {
-    const std::lock_guard lock(self.mutex);
-    self.outcome = outcome;
-  }
-  self.stop = true;
-  constexpr std::chrono::seconds kPatience(10);
-  const bool ended = self.Await(
-      thread_,
-      patience ? patience : [kPatience]() { return std::chrono::milliseconds(kPatience); });
-  if (ended) return;
+void FlightRecorder::Stop(const std::string& outcome, const Patience& patience) {
+  if (!writer_->outcome) writer_->outcome = outcome;
+  if (outlet_.Stop(patience)) return;
   left_behind_ =
       fmt::format("{}: could not be written whole: after {} ticks it took nothing any more",
-                  self.config.file, self.recorded.load());
+                  writer_->config.file, writer_->recorded.load());
 }
 
-std::int64_t FlightRecorder::pushed() const noexcept { return implementation_->pushed; }
-std::int64_t FlightRecorder::recorded() const noexcept { return implementation_->recorded; }
-std::int64_t FlightRecorder::lost() const noexcept { return implementation_->lost; }
+std::int64_t FlightRecorder::pushed() const noexcept { return writer_->pushed; }
+std::int64_t FlightRecorder::recorded() const noexcept { return writer_->recorded; }
+std::int64_t FlightRecorder::lost() const noexcept { return writer_->lost; }
 const std::string& FlightRecorder::problem() const noexcept {
-  return left_behind_.empty() ? implementation_->problem : left_behind_;
+  return left_behind_.empty() ? writer_->problem : left_behind_;
 }
 
 }  // namespace tumbler

@@ -1,17 +1,14 @@
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
 #include <string>
-#include <thread>
 
-#include "runtime/executor/tick.h"
-#include "runtime/executor/tick_entry.h"
 #include "runtime/record/record_blocks.h"
+#include "runtime/record/tick_outlet.h"
 
 namespace tumbler {
 
@@ -34,15 +31,14 @@ void RequireNewRecord(const std::string& file);
 /// Writes every tick of a control loop into one file. Whatever happens to the process, the file is
 /// whole up to the last block written. docs/formats.md has the format.
 ///
-/// The loop only encodes into a ring. Either a thread empties the ring into the file (Start), or
-/// the caller does between ticks (Drain), as in Telemetry. Blocks go to the kernel within
-/// milliseconds, where the end of the process does not touch them, and to the disk once a second.
+/// A TickOutlet keeps it apart from the loop. Blocks go to the kernel within milliseconds, where
+/// the end of the process does not touch them, and to the disk once a second.
 ///
 /// The ring bounds the memory. Ticks for which it has no room are counted, reported and marked in
 /// the file. When the file cannot be written (disk full, limit on its size), the recorder reports
 /// it, cuts the file back to its last whole block and stops, while the loop goes on. Where files
 /// are limited in size (`ulimit -f`), the program has to ignore SIGXFSZ for this to work.
-class FlightRecorder {
+class FlightRecorder final : public TickSink {
  public:
   /// Writes the configuration.
   /// @throws std::runtime_error  naming the file, when it exists already or cannot be written. No
@@ -50,29 +46,17 @@ class FlightRecorder {
   explicit FlightRecorder(const FlightRecorderConfig& config);
   /// When Stop was not called, writes the rest but no end block, as far as the file takes it within
   /// a second, and removes a file without a tick.
-  ~FlightRecorder();
-  FlightRecorder(const FlightRecorder&) = delete;
-  FlightRecorder& operator=(const FlightRecorder&) = delete;
+  ~FlightRecorder() override;
 
-  /// Records a tick. The loop calls it in every tick; it does not allocate, lock or block.
-  /// Parameters are those of EncodeTick.
-  void Push(const TickNotes& notes, const TickInput& input, const TickOutput& output) noexcept;
-
-  /// Records the true state of a simulated robot after the last tick, an LCM message truth_t of at
-  /// most kTickEntryBytesMax bytes. If the ring has no room for it, it is left out. For the loop's
-  /// thread; does not allocate.
-  void PushTruth(std::span<const std::uint8_t> message) noexcept;
-
-  /// Writes the content of the ring. Not while a thread is started.
-  void Drain();
-  /// Drains in a thread until Stop.
-  void Start();
+  /// Ticks for which the ring has no room are counted, true states are left out.
+  void Push(std::span<const std::uint8_t> message) noexcept override;
+  void Drain() override;
+  void Start() override;
   /// Writes the rest and the block that says that the record is complete, and ends the thread. One
   /// whose file takes nothing for too long is left behind, which is the record's problem then.
   /// @param outcome   of the run, for people.
-  /// @param patience  as that of Telemetry::Stop.
-  void Stop(const std::string& outcome,
-            const std::function<std::chrono::milliseconds()>& patience = {});
+  /// @param patience  as that of TickOutlet::Stop.
+  void Stop(const std::string& outcome, const Patience& patience = {});
 
   [[nodiscard]] std::int64_t pushed() const noexcept;    ///< Ticks of the loop.
   [[nodiscard]] std::int64_t recorded() const noexcept;  ///< Ticks in the file.
@@ -82,9 +66,9 @@ class FlightRecorder {
   [[nodiscard]] const std::string& problem() const noexcept;
 
  private:
-  struct Implementation;
-  std::shared_ptr<Implementation> implementation_;  // A thread that is stuck in a write keeps it.
-  std::thread thread_;
+  struct Writer;
+  std::shared_ptr<Writer> writer_;  // A thread that is stuck in a write keeps it.
+  TickOutlet outlet_;
   std::string left_behind_;  // says that the thread was, if it was
 };
 

@@ -10,51 +10,37 @@
 
 #include "runtime/executor/faults.h"
 #include "runtime/executor/joint_fields.h"
+#include "runtime/executor/tick_fields.h"
 #include "runtime/record/sentences.h"
 
 namespace tumbler {
 
+namespace {
+
+/// Sets a member of a message.
+template <typename Member, typename Value>
+void Set(Member& member, const Value& value) {
+  if constexpr (std::is_same_v<Member, Value>) {
+    member = value;
+  } else {
+    member = static_cast<Member>(value);
+  }
+}
+
+}  // namespace
+
 void FillState(const TimedRecord& timed, state_t& message) {
-  const TickRecord& record = timed.record;
-  message.tick = record.tick;
-  message.time_ns = timed.time_ns;
-  message.number = timed.number;
-  message.request_id = timed.request.id;
-  message.request = static_cast<std::int8_t>(timed.request.request);
-  message.request_refusal = static_cast<std::int8_t>(timed.request.refusal);
-  message.wake_up_us = timed.wake_up_ns * 1e-3F;
-  message.tick_us = timed.tick_ns * 1e-3F;
-  message.bus_bits = timed.bus_bits;
-  message.primitive_time_s = record.primitive_time_s;
-  message.node = record.node;
-  message.cycles = record.cycles;
-  message.state = static_cast<std::int8_t>(record.state);
-  message.reaction = static_cast<std::int8_t>(record.reaction);
-  message.command = static_cast<std::int8_t>(record.command);
-  message.refusal = static_cast<std::int8_t>(record.refusal.refusal);
-  message.faults = static_cast<std::int32_t>(record.faults);
-  message.fault = static_cast<std::int8_t>(record.first_fault.fault);
-  message.fault_joint = record.first_fault.joint;
-  message.fault_tick = record.first_fault.tick;
-  message.fault_state = static_cast<std::int8_t>(record.first_fault.state);
-  const DetailUnit unit = UnitOf(record.first_fault.fault);
-  message.fault_value = ToDouble(record.first_fault.value, unit);
-  message.fault_limit = ToDouble(record.first_fault.limit, unit);
-  message.sensor_status = static_cast<std::int8_t>(record.sensor.status);
-  message.sensor_age_ticks = record.sensor.age_ticks;
-  message.sensor_pitch_rad = record.sensor.pitch_rad;
-  message.sensor_rate_rad_s = record.sensor.rate_rad_s;
-  message.feedback_error_rad = record.sensor.error_rad;
-  message.feedback_rate_error_rad_s = record.sensor.rate_error_rad_s;
-  message.feedback_share = record.sensor.share;
-  message.joint_count = record.joint_count;
-  message.joints.resize(record.joint_count);
-  for (std::size_t i = 0; i < record.joint_count; ++i) {
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    if constexpr (Row::kFilled) Set(row.in_message(message), row.of_tick(timed));
+  });
+  message.joints.resize(timed.record.joint_count);
+  for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
     ForEachJointField([&](const JointField& /*field*/, auto in_record, auto in_message) {
-      auto& member = in_message(message.joints[i]);
-      member = static_cast<std::remove_cvref_t<decltype(member)>>(in_record(record.joints[i]));
+      Set(in_message(message.joints[i]), in_record(timed.record.joints[i]));
     });
-    message.joints[i].reply_sampled_us = timed.reply_sampled_us[i];
+    ForEachDerivedJointField([&](const JointField& /*field*/, auto of_tick, auto in_message) {
+      Set(in_message(message.joints[i]), of_tick(timed, i));
+    });
   }
 }
 
@@ -104,67 +90,22 @@ std::optional<event_t> EventWatch::Next(const TimedRecord& timed) {
   return event;
 }
 
-RunMessage::RunMessage(const RunDescription& about) : bit_rate_(about.bit_rate) {
-  message_.version = TUMBLER_VERSION;
-  message_.run = about.number;
-  message_.robot = about.robot;
-  message_.motion = about.motion;
-  message_.bus = about.bus;
-  message_.mode = about.mode;
-  message_.attended = about.attended ? 1 : 0;
-  message_.keyed = about.keyed ? 1 : 0;
-  message_.rate_hz = about.rate_hz;
-  message_.speed = about.speed;
-  message_.error_codes = about.error_codes;
-  message_.error_codes.resize(about.joints.size());
-  message_.joints = about.joints;
-  message_.joint_count = static_cast<std::int32_t>(about.joints.size());
-  message_.nodes = about.nodes;
-  message_.node_count = static_cast<std::int32_t>(about.nodes.size());
-  message_.branches = about.branches;
-  message_.branch_count = static_cast<std::int32_t>(about.branches.size());
-  message_.kernel = about.machine.kernel;
-  message_.cpu = about.machine.cpu;
-  message_.adapter = about.machine.adapter;
-  message_.scheduling = about.scheduling;
-  message_.reply_age_max_ticks = -1;
-}
-
-void RunMessage::Count(const TimedRecord& timed) {
-  const auto period_ns = static_cast<float>(1e9 / std::max(message_.rate_hz, 1e-3));
-  message_.ticks = timed.number + 1;
-  message_.missed_ticks = timed.record.tick - timed.number;
-  if (timed.wake_up_ns > period_ns / 2) ++message_.late_ticks;
-  wake_up_.Add(static_cast<std::int64_t>(timed.wake_up_ns));
-  tick_.Add(static_cast<std::int64_t>(timed.tick_ns));
-  bits_ += timed.bus_bits;
-  for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
-    message_.reply_age_max_ticks =
-        std::max(message_.reply_age_max_ticks, timed.record.joints[i].reply_age_ticks);
-  }
+RunMessage::RunMessage(const RunDescription& about) {
+  run_.about = about;
+  run_.about.error_codes.resize(about.joints.size());
+  run_.version = TUMBLER_VERSION;
 }
 
 const run_t& RunMessage::At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished) {
-  const auto us = [](const DurationHistogram& durations, double share) {
-    return static_cast<float>(durations.PercentileNs(share)) * 1e-3F;
-  };
-  const double elapsed_s = static_cast<double>(time_ns - message_.time_ns) * 1e-9;
-  const double capacity = elapsed_s * bit_rate_;
-  message_.bus_load = capacity > 0 ? static_cast<float>(static_cast<double>(bits_) / capacity) : 0;
-  bits_ = 0;
-  message_.time_ns = time_ns;
-  message_.wake_up_p50_us = us(wake_up_, 0.5);
-  message_.wake_up_p99_us = us(wake_up_, 0.99);
-  message_.wake_up_p99_9_us = us(wake_up_, 0.999);
-  message_.wake_up_p99_99_us = us(wake_up_, 0.9999);
-  message_.wake_up_max_us = static_cast<float>(wake_up_.max_ns()) * 1e-3F;
-  message_.tick_p50_us = us(tick_, 0.5);
-  message_.tick_p99_us = us(tick_, 0.99);
-  message_.tick_p99_9_us = us(tick_, 0.999);
-  message_.tick_p99_99_us = us(tick_, 0.9999);
-  message_.tick_max_us = static_cast<float>(tick_.max_ns()) * 1e-3F;
-  message_.lost_records = lost;
-  message_.unpublished = unpublished;
+  const double elapsed_s = static_cast<double>(time_ns - run_.time_ns) * 1e-9;
+  const double capacity = elapsed_s * run_.about.bit_rate;
+  run_.bus_load = capacity > 0 ? static_cast<float>(static_cast<double>(run_.bits) / capacity) : 0;
+  run_.bits = 0;
+  run_.time_ns = time_ns;
+  run_.lost = lost;
+  run_.unpublished = unpublished;
+  ForEachRow(kRunFields,
+             [this](const auto& row) { Set(row.in_message(message_), row.value(run_)); });
   return message_;
 }
 

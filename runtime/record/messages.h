@@ -9,8 +9,8 @@
 #include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 
-#include "runtime/assembly/histogram.h"
 #include "runtime/record/run_description.h"
+#include "runtime/record/run_fields.h"
 #include "runtime/record/timed_record.h"
 
 namespace tumbler {
@@ -43,25 +43,22 @@ class RunMessage {
  public:
   explicit RunMessage(const RunDescription& about);
 
-  void SetScheduling(const std::string& scheduling) { message_.scheduling = scheduling; }
+  void SetScheduling(const std::string& scheduling) { run_.about.scheduling = scheduling; }
   /// @param checking  whether drives are being checked before the first record.
   /// @param request   that ended the check; 0: none.
   void SetCheck(bool checking, std::int64_t request) {
-    message_.checking = checking ? 1 : 0;
-    message_.check_request = request;
+    run_.checking = checking;
+    run_.check_request = request;
   }
   /// Adds one record to the figures.
-  void Count(const TimedRecord& timed);
+  void Count(const TimedRecord& timed) { run_.Count(timed); }
   /// The message at this time. Its bus load counts from the message before.
   /// @param lost, unpublished  as Telemetry counts them.
   [[nodiscard]] const run_t& At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished);
 
  private:
+  RunSoFar run_;
   run_t message_{};
-  int bit_rate_;
-  std::int64_t bits_ = 0;  ///< Bits on the bus since the message before.
-  DurationHistogram wake_up_;
-  DurationHistogram tick_;
 };
 
 }  // namespace tumbler

@@ -3,50 +3,30 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "common/files/primitive_hash.h"
 #include "common/files/primitive_toml.h"
 #include "common/files/result_file.h"
-#include "firmware_interface/can/frame_length.h"
-#include "runtime/assembly/candump.h"
 #include "runtime/record/message_readers.h"
 #include "runtime/record/recorded_assembly.h"
 #include "runtime/record/run_description.h"
+#include "runtime/record/run_exports.h"
 #include "runtime/record/sentences.h"
-#include "runtime/record/telemetry.h"
 #include "runtime/record/truth_csv.h"
 
 namespace tumbler {
 
 namespace {
-
-/// The most bits that such a frame can take on the wire, as the loop counts it.
-std::int32_t LongestBits(const CanFrame& frame) {
-  return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
-                            frame.remote ? 0 : frame.size);
-}
-
-/// The frames of a tick that the bus took, in their order.
-std::vector<CanFrame> SentFrames(const TickEntry& entry) {
-  std::vector<CanFrame> frames;
-  for (std::size_t i = 0; i < entry.record.joint_count; ++i) {
-    for (const CanFrame& frame : entry.frames[i].frames()) {
-      if (frames.size() < entry.notes.sent_count) frames.push_back(frame);
-    }
-  }
-  return frames;
-}
 
 /// Whether there is a file of this name, and it says something else. (A record may name anything,
 /// so only files of the same length are read.)
@@ -60,6 +40,46 @@ bool IsAnotherNow(const LoadedFile& file) {
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   return !stream.bad() && text != file.text;
 }
+
+/// True states as a table.
+class TruthTable final : public RunExport {
+ public:
+  TruthTable(const std::string& path, const std::string& record, std::vector<std::string> joints)
+      : RunExport(path), record_(record), joints_(std::move(joints)) {}
+  [[nodiscard]] std::int64_t rows() const { return count_; }
+
+  void Take(const TickEntry& /*entry*/, const TimedRecord& /*timed*/) override {}
+  void TakeTruth(std::span<const std::uint8_t> truth) override {
+    if (!ReadMessage(truth, state_) || (kind_ && KindOf(state_) != *kind_)) {
+      throw RecordError(
+          fmt::format("{}: the true state of the robot in it is of another version", record_));
+    }
+    kind_ = KindOf(state_);
+    // Joints without a motor, of which the record's configuration does not know, come after the
+    // others in every state.
+    for (const joint_truth_t& joint : state_.truth.joints) {
+      if (count_ == 0 && std::ranges::find(joints_, joint.name) == joints_.end())
+        joints_.push_back(joint.name);
+    }
+    AppendTruthCsvRow(state_, joints_, rows_);
+    ++count_;
+  }
+  void Finish() override {
+    if (count_ > 0) return;
+    throw RecordError(fmt::format(
+        "{}: has no true states of the robot; only `tumbler run sim --record` records them",
+        record_));
+  }
+  void Commit() override { WriteResult(file(), TruthCsvHeader(joints_, *kind_) + '\n' + rows_); }
+
+ private:
+  std::string record_;
+  std::vector<std::string> joints_;
+  std::string rows_;
+  std::int64_t count_ = 0;
+  space_truth_t state_;
+  std::optional<TruthKind> kind_;
+};
 
 /// Of the drives of a record; none where its files cannot be used any more.
 std::vector<std::string> ErrorCodesOf(const RecordConfiguration& configuration) {
@@ -87,145 +107,70 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   return run;
 }
 
-TimedRecords::TimedRecords(const RecordConfiguration& configuration) {
+TimedRecords TimedRecordsOf(const RecordConfiguration& configuration) {
   try {
     const FileReader read = RecordedFiles(configuration);
-    replies_ = SampleTimesOf(LoadDrivesOf(configuration.joints, configuration.drives_file, read),
-                             configuration.period_ns);
+    return TimedRecords(
+        SampleTimesOf(LoadDrivesOf(configuration.joints, configuration.drives_file, read),
+                      configuration.period_ns));
   } catch (const std::exception&) {
-    // Whoever needs the drives says what is wrong with them.
+    return TimedRecords({});  // Whoever needs the drives says what is wrong with them.
   }
 }
 
-TimedRecord TimedRecords::Next(const TickEntry& entry) {
-  TimedRecord timed;
-  timed.time_ns = entry.notes.deadline_ns;
-  timed.number = entry.index;
-  timed.wake_up_ns = static_cast<float>(entry.notes.awake_ns - entry.notes.due_ns);
-  timed.tick_ns = static_cast<float>(entry.notes.done_ns - entry.notes.awake_ns);
-  for (const ReceivedFrame& received : entry.input().received) {
-    timed.bus_bits += LongestBits(received.frame);
+std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& exports) {
+  TimedRecords records = TimedRecordsOf(record.configuration());
+  const auto take_truths = [&] {
+    for (const auto& truth : record.truths()) {
+      for (RunExport* out : exports) out->TakeTruth(truth);
+    }
+  };
+  record.Rewind();
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t ticks = 0;
+  for (; record.Next(*entry); ++ticks) {
+    take_truths();
+    const TimedRecord timed = records.Next(*entry);
+    for (RunExport* out : exports) out->Take(*entry, timed);
   }
-  const std::vector<CanFrame> sent = SentFrames(entry);
-  for (const CanFrame& frame : sent) timed.bus_bits += LongestBits(frame);
-  timed.request = {entry.notes.request_id, static_cast<OperatorRequest>(entry.notes.request),
-                   entry.notes.request_refusal};
-  timed.record = entry.record;
-  // What was sent in a tick that was not recorded is not known.
-  if (entry.index != index_) replies_.Send(entry.notes.send_ns, {});
-  index_ = entry.index + 1;
-  replies_.Receive(entry.input().received);
-  replies_.Send(entry.notes.send_ns, sent);
-  timed.TakeSampleTimes(replies_);
-  return timed;
+  take_truths();
+  std::vector<std::string> failed;
+  for (RunExport* out : exports) {
+    out->Finish();
+    if (out->failed()) failed.push_back(out->file());
+  }
+  if (!failed.empty())
+    throw RecordError(fmt::format("{}: could not be written whole", fmt::join(failed, ", ")));
+  for (RunExport* out : exports) out->Commit();
+  return ticks;
 }
 
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   const RecordConfiguration& configuration = record.configuration();
-  struct CloseFile {
-    void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-  };
-  PendingName pending(path);
-  const std::unique_ptr<std::FILE, CloseFile> file(std::fopen(pending.to_open().c_str(), "w"));
-  const auto fail = [&path] {
-    throw RecordError(
-        fmt::format("{}: cannot be written: {}", path, std::generic_category().message(errno)));
-  };
-  if (file == nullptr) fail();
-
-  // A frame that arrives while a tick's frames are sent belongs to the next tick. So frames are
-  // kept until no older one can come.
-  std::vector<ReceivedFrame> frames;
-  std::int64_t count = 0;
-  const auto write_before = [&](std::int64_t time_ns) {
-    std::stable_sort(frames.begin(), frames.end(),
-                     [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; });
-    auto next = frames.begin();
-    for (; next != frames.end() && next->time_ns < time_ns; ++next) {
-      const std::string line =
-          CandumpLine(
-              std::max<std::int64_t>(next->time_ns + configuration.utime_at_zero_us * 1000, 0),
-              configuration.bus, next->frame) +
-          '\n';
-      if (std::fwrite(line.data(), 1, line.size(), file.get()) != line.size()) fail();
-      ++count;
-    }
-    frames.erase(frames.begin(), next);
-  };
-
-  record.Rewind();
-  const auto entry = std::make_unique<TickEntry>();
-  std::int64_t awake_before_ns = std::numeric_limits<std::int64_t>::min();
-  while (record.Next(*entry)) {
-    frames.insert(frames.end(), entry->received.begin(),
-                  entry->received.begin() + static_cast<std::ptrdiff_t>(entry->received_count));
-    for (const CanFrame& frame : SentFrames(*entry)) {
-      frames.push_back({frame, entry->notes.send_ns});
-    }
-    write_before(awake_before_ns);
-    awake_before_ns = entry->notes.awake_ns;
-  }
-  write_before(std::numeric_limits<std::int64_t>::max());
-  if (std::fflush(file.get()) != 0) fail();
-  pending.Commit();
-  return count;
+  CandumpExport candump(path, configuration.bus, configuration.utime_at_zero_us);
+  ExportRecord(record, {&candump});
+  return candump.frames();
 }
 
 std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
                              const std::string& lcm_path) {
-  const RecordConfiguration& configuration = record.configuration();
-  TelemetryConfig config;
-  config.trace_file = csv_path;
-  config.log_file = lcm_path;
+  RunExportConfig config;
+  config.run = DescribeRun(record.configuration());
+  config.utime_at_zero_us = record.configuration().utime_at_zero_us;
   config.whole_files = true;
-  config.run = DescribeRun(configuration);
-  config.utime_at_zero_us = configuration.utime_at_zero_us;
-  Telemetry telemetry(config);
-  TimedRecords timed(configuration);
-  record.Rewind();
-  const auto entry = std::make_unique<TickEntry>();
-  while (record.Next(*entry)) {
-    telemetry.Push(timed.Next(*entry));
-    telemetry.Drain();
-  }
-  telemetry.Stop();
-  return telemetry.written();
+  config.figures->scheduling = config.run.scheduling;
+  std::optional<LogExport> log;
+  std::optional<CsvExport> csv;
+  std::vector<RunExport*> exports;
+  if (!lcm_path.empty()) exports.push_back(&log.emplace(lcm_path, config));
+  if (!csv_path.empty()) exports.push_back(&csv.emplace(csv_path, config));
+  return ExportRecord(record, exports);
 }
 
 std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
-  // Joints without a motor, of which the record's configuration does not know, come after the
-  // others in every state.
-  std::vector<std::string> joints = record.configuration().joints;
-  std::string rows;
-  std::int64_t count = 0;
-  space_truth_t state;
-  std::optional<TruthKind> kind;
-  const auto take = [&] {
-    for (const auto& bytes : record.truths()) {
-      if (!ReadMessage(bytes, state) || (kind && KindOf(state) != *kind)) {
-        throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
-                                      record.name()));
-      }
-      kind = KindOf(state);
-      for (const joint_truth_t& joint : state.truth.joints) {
-        if (count == 0 && std::ranges::find(joints, joint.name) == joints.end())
-          joints.push_back(joint.name);
-      }
-      AppendTruthCsvRow(state, joints, rows);
-      ++count;
-    }
-  };
-  record.Rewind();
-  const auto entry = std::make_unique<TickEntry>();
-  while (record.Next(*entry)) take();
-  take();
-  if (count == 0) {
-    throw RecordError(fmt::format(
-        "{}: has no true states of the robot; only `tumbler run sim --record` records them",
-        record.name()));
-  }
-  WriteResult(csv_path, TruthCsvHeader(joints, *kind) + '\n' + rows);
-  return count;
+  TruthTable table(csv_path, record.name(), record.configuration().joints);
+  ExportRecord(record, {&table});
+  return table.rows();
 }
 
 std::string Summary(FlightRecord& record) {

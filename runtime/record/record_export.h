@@ -2,35 +2,35 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "runtime/record/flight_record.h"
 #include "runtime/record/run_description.h"
+#include "runtime/record/run_export.h"
 #include "runtime/record/timed_record.h"
 
 namespace tumbler {
 
-/// Makes of the ticks of a record, in their order, what the loop gave to telemetry.
-class TimedRecords {
- public:
-  /// Where the record's drives cannot be used, it is not known when replies were sampled.
-  explicit TimedRecords(const RecordConfiguration& configuration);
-  [[nodiscard]] TimedRecord Next(const TickEntry& entry);
-
- private:
-  SampleTimes replies_;
-  std::int64_t index_ = 0;  ///< Of the tick after the last one.
-};
+/// What telemetry said of the ticks of a record. Where the record's drives cannot be used, it is
+/// not known when replies were sampled.
+[[nodiscard]] TimedRecords TimedRecordsOf(const RecordConfiguration& configuration);
 
 /// What telemetry says of the run as a whole.
 /// @throws FileError or RecordError  about a file of the record that cannot be used.
 RunDescription DescribeRun(const RecordConfiguration& configuration);
+
+/// Makes exports of a record: hands them its ticks and true states, and puts their files in place
+/// once all of them are whole.
+/// @returns the number of ticks.
+/// @throws std::runtime_error  naming the files that cannot be written, and what an export throws.
+std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& exports);
 
 /// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
 /// which they were handed to the bus, received frames that of their arrival. Times count from 1970,
 /// or, for a run in virtual time, from its start. The file appears when it is whole, as those
 /// below.
 /// @returns the number of frames.
-/// @throws RecordError or FileError  naming the file that cannot be written.
+/// @throws std::runtime_error  naming the file that cannot be written.
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path);
 
 /// Writes the ticks of a record as tumbler run's `--csv` and `--log` do. Either name may be

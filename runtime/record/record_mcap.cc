@@ -38,75 +38,64 @@ bool HasTruth(FlightRecord& record) {
 }
 
 /// Writes the messages of a record in the order of time.
-class RecordToMcap {
+class McapExport final : public RunExport {
  public:
-  RecordToMcap(FlightRecord& record, const RunMcapConfig& config, const RunDescription& run)
-      : record_(record), mcap_(config), events_(run), run_(run) {
-    const RecordConfiguration& configuration = record.configuration();
-    zero_ns_ = configuration.utime_at_zero_us * 1000;
-  }
+  McapExport(const FlightRecord& record, const RunMcapConfig& config, const RunDescription& run,
+             const std::vector<PlannedInstant>& plan)
+      : RunExport(config.path),
+        record_(record),
+        mcap_(config),
+        events_(run),
+        run_(run),
+        zero_ns_(record.configuration().utime_at_zero_us * 1000),
+        planned_(plan.begin()),
+        planned_end_(plan.end()) {}
 
-  std::int64_t Write(const std::vector<PlannedInstant>& plan) {
-    record_.Rewind();
-    TimedRecords records(record_.configuration());
-    const auto entry = std::make_unique<TickEntry>();
-    auto planned = plan.begin();
-    std::int64_t ticks = 0, last_ns = 0;
-    while (record_.Next(*entry)) {
-      TakeTruths();
-      const TimedRecord timed = records.Next(*entry);
-      last_ns = timed.time_ns;
-      for (; planned != plan.end() && planned->time_ns <= last_ns; ++planned)
-        mcap_.TakePlan(TimeOf(planned->time_ns), planned->root, planned->joints);
-      TakeTick(timed);
-      ++ticks;
-    }
-    TakeTruths();
-    if (ticks > 0) mcap_.Take(TimeOf(last_ns), run_.At(last_ns, record_lost(), 0));
-    mcap_.Finish();
-    return ticks;
-  }
-
- private:
-  [[nodiscard]] std::uint64_t TimeOf(std::int64_t time_ns) const {
-    return static_cast<std::uint64_t>(std::max<std::int64_t>(time_ns + zero_ns_, 0));
-  }
-
-  [[nodiscard]] std::int64_t record_lost() const {
-    std::int64_t lost = 0;
-    for (const LostTicks& ticks : record_.lost()) lost += ticks.count;
-    return lost;
-  }
-
-  void TakeTruths() {
-    space_truth_t state;
-    for (const auto& bytes : record_.truths()) {
-      if (!ReadMessage(bytes, state)) {
-        throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
-                                      record_.name()));
-      }
-      mcap_.Take(TimeOf(state.truth.time_ns), state);
-    }
-  }
-
-  void TakeTick(const TimedRecord& timed) {
+  void Take(const TickEntry& /*entry*/, const TimedRecord& timed) override {
+    last_ns_ = timed.time_ns;
+    for (; planned_ != planned_end_ && planned_->time_ns <= timed.time_ns; ++planned_)
+      mcap_.TakePlan(TimeOf(planned_->time_ns), planned_->root, planned_->joints);
     const std::uint64_t time_ns = TimeOf(timed.time_ns);
     FillState(timed, state_);
     mcap_.Take(time_ns, state_);
     if (const auto event = events_.Next(timed)) mcap_.Take(time_ns, *event);
     run_.Count(timed);
     if (timed.time_ns < next_run_ns_) return;
-    mcap_.Take(time_ns, run_.At(timed.time_ns, record_lost(), 0));
+    TakeRun(timed.time_ns);
     next_run_ns_ = timed.time_ns + kRunPeriod_ns;
   }
+  void TakeTruth(std::span<const std::uint8_t> truth) override {
+    if (!ReadMessage(truth, truth_)) {
+      throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
+                                    record_.name()));
+    }
+    mcap_.Take(TimeOf(truth_.truth.time_ns), truth_);
+  }
+  void Finish() override {
+    if (last_ns_) TakeRun(*last_ns_);
+  }
+  void Commit() override { mcap_.Finish(); }
 
-  FlightRecord& record_;
+ private:
+  [[nodiscard]] std::uint64_t TimeOf(std::int64_t time_ns) const {
+    return static_cast<std::uint64_t>(std::max<std::int64_t>(time_ns + zero_ns_, 0));
+  }
+  void TakeRun(std::int64_t time_ns) {
+    std::int64_t lost = 0;
+    for (const LostTicks& ticks : record_.lost()) lost += ticks.count;
+    mcap_.Take(TimeOf(time_ns), run_.At(time_ns, lost, 0));
+  }
+
+  const FlightRecord& record_;
   RunMcap mcap_;
   EventWatch events_;
   RunMessage run_;
-  std::int64_t zero_ns_ = 0;
+  std::int64_t zero_ns_;
+  std::vector<PlannedInstant>::const_iterator planned_, planned_end_;
   std::int64_t next_run_ns_ = std::numeric_limits<std::int64_t>::min();
+  std::optional<std::int64_t> last_ns_;
   state_t state_{};
+  space_truth_t truth_;
 };
 
 }  // namespace
@@ -126,8 +115,9 @@ std::int64_t ExportMcap(FlightRecord& record, const std::string& path, const std
                   : picture->plan.empty() ? RunMcapConfig::Root::kUnknown
                                           : RunMcapConfig::Root::kPlanned;
   }
-  return RecordToMcap(record, config, run)
-      .Write(picture ? picture->plan : std::vector<PlannedInstant>());
+  const std::vector<PlannedInstant> unplanned;
+  McapExport mcap(record, config, run, picture ? picture->plan : unplanned);
+  return ExportRecord(record, {&mcap});
 }
 
 }  // namespace tumbler

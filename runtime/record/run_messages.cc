@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "runtime/record/foxglove_messages.h"
+#include "runtime/record/run_fields.h"
 #include "runtime/record/state_columns.h"
 #include "runtime/record/truth_csv.h"
 
@@ -73,28 +74,11 @@ class FieldLister {
 /// Calls `visit(name, value)` for what is said of a run in progress.
 template <typename Visit>
 void ForEachRunField(const run_t& run, Visit&& visit) {
-  visit("motion", run.motion);
-  visit("bus", run.bus);
-  visit("mode", run.mode);
-  visit("rate_hz", run.rate_hz);
-  visit("speed", run.speed);
-  visit("bus_load", run.bus_load);
-  visit("ticks", run.ticks);
-  visit("missed_ticks", run.missed_ticks);
-  visit("late_ticks", run.late_ticks);
-  visit("wake_up_p50_us", run.wake_up_p50_us);
-  visit("wake_up_p99_us", run.wake_up_p99_us);
-  visit("wake_up_p99_9_us", run.wake_up_p99_9_us);
-  visit("wake_up_p99_99_us", run.wake_up_p99_99_us);
-  visit("wake_up_max_us", run.wake_up_max_us);
-  visit("tick_p50_us", run.tick_p50_us);
-  visit("tick_p99_us", run.tick_p99_us);
-  visit("tick_p99_9_us", run.tick_p99_9_us);
-  visit("tick_p99_99_us", run.tick_p99_99_us);
-  visit("tick_max_us", run.tick_max_us);
-  visit("reply_age_max_ticks", run.reply_age_max_ticks);
-  visit("lost_records", run.lost_records);
-  visit("unpublished", run.unpublished);
+  ForEachRowBy<kRunFields, &RunField::mcap_place>([&]<typename Row>(const Row& row) {
+    if constexpr (!Row::kList) {
+      if (row.field.mcap_place > 0) visit(row.field.name, row.in_message(run));
+    }
+  });
 }
 
 /// Calls `visit(name, value)` for the true state of a simulated robot, without its joints.

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <string_view>
 #include <type_traits>
 
 #include "common/files/csv_field.h"
@@ -11,12 +10,6 @@
 
 namespace tumbler {
 namespace {
-
-/// Whether the field is empty in a table where it is NaN: nothing was measured.
-bool MayBeEmpty(const JointField& field) {
-  const std::string_view column = field.column;
-  return column == "measured_torque_nm" || column == kReplySampled.column;
-}
 
 /// Appends a value and a comma.
 class AppendColumn {
@@ -67,7 +60,7 @@ void AppendStateCsvRow(const state_t& state, std::string& csv) {
     ForEachJointColumn([&](const JointField& field, auto in_message) {
       const auto& value = in_message(joint);
       if constexpr (std::is_floating_point_v<std::remove_cvref_t<decltype(value)>>) {
-        if (std::isnan(value) && MayBeEmpty(field)) {
+        if (field.empty_if_nan && std::isnan(value)) {
           csv += ',';
           return;
         }

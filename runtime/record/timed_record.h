@@ -3,11 +3,12 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 #include "common/core/primitive.h"
 #include "firmware_interface/devices/sample_times.h"
 #include "runtime/assembly/operator_mailbox.h"
-#include "runtime/executor/tick.h"
+#include "runtime/executor/tick_entry.h"
 
 namespace tumbler {
 
@@ -18,7 +19,8 @@ struct RequestAnswer {
   Refusal refusal = Refusal::kNone;
 };
 
-/// The record of a tick, with times and the operator's request, which the loop adds.
+/// The record of a tick, with the operator's request, times, and what follows from frames: all that
+/// messages and tables say of a tick.
 struct TimedRecord {
   std::int64_t time_ns = 0;  ///< Deadline of the tick, on the clock of the loop.
   std::int64_t number = 0;   ///< Number of this record: 0, 1, 2, ...
@@ -31,15 +33,6 @@ struct TimedRecord {
   /// When the measured position of each joint was sampled, from `time_ns` on [us]; NaN: not known.
   std::array<float, kMaxJoints> reply_sampled_us = NotKnown();
 
-  /// Sets them for the joints of the record, whose time is set.
-  void TakeSampleTimes(const SampleTimes& replies) noexcept {
-    for (std::size_t j = 0; j < record.joint_count; ++j) {
-      const auto sampled_ns = replies.sampled_ns(j);
-      reply_sampled_us[j] = sampled_ns ? static_cast<float>(*sampled_ns - time_ns) * 1e-3F
-                                       : std::numeric_limits<float>::quiet_NaN();
-    }
-  }
-
  private:
   static constexpr std::array<float, kMaxJoints> NotKnown() noexcept {
     std::array<float, kMaxJoints> none{};
@@ -47,5 +40,20 @@ struct TimedRecord {
     return none;
   }
 };
+
+/// Makes them of the ticks of a run, in their order.
+class TimedRecords {
+ public:
+  /// @param replies  of the run's drives; of none: it is not known when replies were sampled.
+  explicit TimedRecords(const SampleTimes& replies) : replies_(replies) {}
+  [[nodiscard]] TimedRecord Next(const TickEntry& entry);
+
+ private:
+  SampleTimes replies_;
+  std::int64_t index_ = 0;  ///< Of the tick after the last one.
+};
+
+/// The frames of a tick that the bus took, in their order.
+[[nodiscard]] std::vector<CanFrame> SentFrames(const TickEntry& entry);
 
 }  // namespace tumbler

@@ -4,16 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "firmware_interface/can/frame_length.h"
-
 namespace tumbler {
 namespace {
-
-/// The most bits that such a frame can take on the wire, intermission included.
-std::int32_t LongestBits(const CanFrame& frame) noexcept {
-  return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
-                            frame.remote ? 0 : frame.size);
-}
 
 /// The command of a request that goes straight to the executor; kNone for a request about which the
 /// run procedure decides.
@@ -75,7 +67,7 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   OperatorWish wish = parts_.mailbox.Take();
   // When a request is sent again because its answer was lost, it counts once.
   // The wish to quit may have come with it, from somebody else.
-  if (wish.id != 0 && wish.id == timed_.request.id) {
+  if (wish.id != 0 && wish.id == request_.id) {
     const bool quit = wish.quit;
     wish = {};
     wish.quit = quit;
@@ -92,7 +84,7 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   parts_.executor.Tick(input, output_);
   if (IsDirect(wish.request)) {  // The executor answers these itself.
     const bool asked = command == DirectCommand(wish.request);
-    timed_.request.refusal = asked ? output_.record.refusal.refusal : Refusal::kWrongState;
+    request_.refusal = asked ? output_.record.refusal.refusal : Refusal::kWrongState;
   }
   TickNotes notes;
   Send(notes);
@@ -100,26 +92,16 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   Count();
   const std::int64_t duration_ns = parts_.clock.now_ns() - awake_ns;
   statistics_.tick.Add(duration_ns);
-  timed_.time_ns = start_ns_ + tick * period_ns_;
-  timed_.number = statistics_.ticks - 1;
-  timed_.wake_up_ns = static_cast<float>(late_ns);
-  timed_.tick_ns = static_cast<float>(duration_ns);
-  timed_.record = output_.record;
-  if (parts_.telemetry != nullptr) {
-    parts_.replies.Receive({received_.data(), count});
-    parts_.replies.Send(notes.send_ns, {to_send_.data(), notes.sent_count});
-    timed_.TakeSampleTimes(parts_.replies);
-    parts_.telemetry->Push(timed_);
-  }
-  if (parts_.recorder != nullptr) {
-    notes.deadline_ns = timed_.time_ns;
+  time_ns_ = start_ns_ + tick * period_ns_;
+  if (parts_.feed != nullptr) {
+    notes.deadline_ns = time_ns_;
     notes.due_ns = deadline_ns;
     notes.awake_ns = awake_ns;
     notes.done_ns = awake_ns + duration_ns;
-    notes.request_id = timed_.request.id;
-    notes.request = static_cast<std::uint8_t>(timed_.request.request);
-    notes.request_refusal = timed_.request.refusal;
-    parts_.recorder->Push(notes, input, output_);
+    notes.request_id = request_.id;
+    notes.request = static_cast<std::uint8_t>(request_.request);
+    notes.request_refusal = request_.refusal;
+    parts_.feed->Push(notes, input, output_);
   }
   return !parts_.procedure.done();
 }
@@ -128,7 +110,6 @@ std::size_t ControlLoop::Receive(std::int64_t awake_ns, std::int64_t oldest_ns) 
   std::size_t count = 0;
   std::int64_t dropped = 0;
   receive_status_ = Status::kOk;
-  timed_.bus_bits = 0;
   while (count < received_.size()) {
     ReceivedFrame& received = received_[count];
     receive_status_ = parts_.bus.Receive(received);
@@ -137,7 +118,6 @@ std::size_t ControlLoop::Receive(std::int64_t awake_ns, std::int64_t oldest_ns) 
       ++dropped;
       continue;
     }
-    timed_.bus_bits += LongestBits(received.frame);
     statistics_.frame_age.Add(awake_ns - received.time_ns);
     ++count;
   }
@@ -168,7 +148,7 @@ OperatorCommand ControlLoop::Ask(const OperatorWish& wish) noexcept {
     case OperatorRequest::kClearFaults:
       break;
   }
-  if (wish.request != OperatorRequest::kNone) timed_.request = {wish.id, wish.request, refusal};
+  if (wish.request != OperatorRequest::kNone) request_ = {wish.id, wish.request, refusal};
   const OperatorCommand command = procedure.Next(output_.record);
   return command == OperatorCommand::kNone ? DirectCommand(wish.request) : command;
 }
@@ -191,7 +171,6 @@ void ControlLoop::Send(TickNotes& notes) noexcept {
     send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
     last_send_ns_ = notes.send_ns;
   }
-  for (std::size_t i = 0; i < sent; ++i) timed_.bus_bits += LongestBits(to_send_[i]);
   notes.sent_status = send_status_;
   notes.sent_count = static_cast<std::uint8_t>(sent);
   statistics_.frames_sent += static_cast<std::int64_t>(sent);

@@ -7,14 +7,13 @@
 #include "common/core/primitive.h"
 #include "common/core/realtime.h"
 #include "firmware_interface/can/bus.h"
-#include "firmware_interface/devices/sample_times.h"
 #include "runtime/assembly/clock.h"
 #include "runtime/assembly/histogram.h"
 #include "runtime/assembly/operator_mailbox.h"
 #include "runtime/executor/executor.h"
 #include "runtime/executor/run_procedure.h"
-#include "runtime/record/flight_recorder.h"
-#include "runtime/record/telemetry.h"
+#include "runtime/record/tick_feed.h"
+#include "runtime/record/timed_record.h"
 
 namespace tumbler {
 
@@ -56,7 +55,7 @@ struct LoopStatistics {
 };
 
 /// The periodic part of the runtime. At each deadline it takes the frames that have come, ticks the
-/// executor, sends its frames and hands the record to telemetry. Deadlines are absolute: start +
+/// executor, sends its frames and hands the tick to a feed. Deadlines are absolute: start +
 /// tick * period.
 ///
 /// When the loop wakes a whole period or more after the deadline, it skips the missed tick numbers,
@@ -72,9 +71,7 @@ class ControlLoop {
     Clock& clock;
     RunProcedure& procedure;
     OperatorMailbox& mailbox;
-    Telemetry* telemetry = nullptr;      ///< May be null.
-    FlightRecorder* recorder = nullptr;  ///< May be null.
-    SampleTimes replies = {};            ///< Of the executor's drives; of none: not known.
+    TickFeed* feed = nullptr;  ///< Gets every tick; may be null.
   };
   /// @param start_ns  time of tick 0 on the clock.
   ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept;
@@ -83,9 +80,10 @@ class ControlLoop {
   bool Step() noexcept;
 
   [[nodiscard]] const TickRecord& record() const noexcept { return output_.record; }
-  [[nodiscard]] const TimedRecord& timed_record() const noexcept { return timed_; }
+  /// The operator's last request and what became of it.
+  [[nodiscard]] const RequestAnswer& request() const noexcept { return request_; }
   /// Deadline of the last tick.
-  [[nodiscard]] std::int64_t time_ns() const noexcept { return timed_.time_ns; }
+  [[nodiscard]] std::int64_t time_ns() const noexcept { return time_ns_; }
   [[nodiscard]] const LoopStatistics& statistics() const noexcept { return statistics_; }
 
  private:
@@ -110,7 +108,8 @@ class ControlLoop {
   std::array<ReceivedFrame, kReceiveCapacity> received_;
   std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
-  TimedRecord timed_;                                  // `request` stays that of the last wish
+  RequestAnswer request_;
+  std::int64_t time_ns_ = 0;
   bool settled_ = false;                               // settling in the tick before
   bool moved_ = false;                                 // running or settling in the tick before
   std::array<float, kMaxJoints> last_position_rad_{};  // limited positions of the tick before

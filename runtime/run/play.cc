@@ -23,11 +23,10 @@ void DropOldFrames(CanBus& bus) {
 
 }  // namespace
 
-Play::Play(Assembly& assembly, World& world, const PlayOutputs& outputs)
-    : assembly_(assembly), world_(world), outputs_(outputs) {
+Play::Play(Assembly& assembly, World& world, TickFeed& feed)
+    : assembly_(assembly), world_(world), feed_(feed) {
   if (!world_.real_time()) return;
-  if (outputs_.telemetry != nullptr) outputs_.telemetry->Start();
-  if (outputs_.recorder != nullptr) outputs_.recorder->Start();
+  feed_.Start();
   service_ = std::make_unique<ServiceNotice>(ServiceManager::FromEnvironment());
   service_->Start();
 }
@@ -38,18 +37,15 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
   Clock& clock = world_.clock();
   if (world_.real_time()) DropOldFrames(world_.bus());
   const std::int64_t start_ns = world_.real_time() ? clock.now_ns() + period_ns : 0;
-  loop_ = std::make_unique<ControlLoop>(
-      ControlLoop::Parts{assembly_.executor(), world_.bus(), clock, *procedure_, InterruptMailbox(),
-                         outputs_.telemetry, outputs_.recorder,
-                         SampleTimesOf(assembly_.parts().drives, period_ns)},
-      period_ns, start_ns);
+  loop_ =
+      std::make_unique<ControlLoop>(ControlLoop::Parts{assembly_.executor(), world_.bus(), clock,
+                                                       *procedure_, InterruptMailbox(), &feed_},
+                                    period_ns, start_ns);
   while (loop_->Step()) {
     if (service_) service_->NoteTick();
     world_.Observe(*loop_);
     if (each_tick) each_tick(*loop_);
-    if (world_.real_time()) continue;
-    if (outputs_.telemetry != nullptr) outputs_.telemetry->Drain();
-    if (outputs_.recorder != nullptr) outputs_.recorder->Drain();
+    if (!world_.real_time()) feed_.Drain();
   }
   service_.reset();
 }

@@ -11,28 +11,22 @@
 #include "runtime/executor/run_procedure.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
-#include "runtime/record/telemetry.h"
+#include "runtime/record/tick_feed.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/world.h"
 
 namespace tumbler {
 
-/// The takers of a run's records; null leaves one out.
-struct PlayOutputs {
-  Telemetry* telemetry = nullptr;
-  FlightRecorder* recorder = nullptr;
-};
-
 /// An assembled run in its world, from the first tick to the last.
 class Play {
  public:
-  /// All of these must outlive the play. In real time this starts the threads of the outputs, and
+  /// All of these must outlive the play. In real time this starts the threads of the feed, and
   /// the one that tells a service manager of the loop. So make the object before the thread of the
   /// loop gets a real-time policy, which they must not inherit.
-  Play(Assembly& assembly, World& world, const PlayOutputs& outputs);
+  Play(Assembly& assembly, World& world, TickFeed& feed);
 
   /// Runs the loop until the procedure is over, with InterruptMailbox for the operator. In virtual
-  /// time the outputs are drained after every tick.
+  /// time the feed is drained after every tick.
   /// @param each_tick  called after every tick; may be empty.
   void Run(const RunProcedureConfig& config, std::int64_t period_ns,
            const std::function<void(const ControlLoop&)>& each_tick = {});
@@ -49,7 +43,7 @@ class Play {
 
   Assembly& assembly_;
   World& world_;
-  PlayOutputs outputs_;
+  TickFeed& feed_;
   std::unique_ptr<RunProcedure> procedure_;
   std::unique_ptr<ControlLoop> loop_;
   std::unique_ptr<ServiceNotice> service_;  // until the loop is over

@@ -202,18 +202,21 @@ RunSettings SettingsOf(const RunOptions& options, const RunParts& parts) {
 }
 
 /// Makes the world of the run.
-/// @param truth_sink  gets the true states of a simulated robot.
+/// @param feed  gets the true states of a simulated robot.
 std::unique_ptr<World> MakeWorld(const RunOptions& options, const Simulation* simulation,
-                                 const RunParts& parts, const TruthSink& truth_sink) {
+                                 const RunParts& parts, TickFeed& feed) {
   if (options.simulated()) {
+    const bool truth_wanted = !(options.record + options.truth + options.lcm_url).empty();
+    const TruthSink truth_sink = [&feed](std::span<const std::uint8_t> truth) {
+      feed.PushTruth(truth);
+    };
     if (simulation == nullptr) {
       throw std::runtime_error(
           "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
     }
     return simulation->make_world(
         parts.file, parts.drives,
-        {options.twin, options.bus_faults, options.truth, options.lcm_url,
-         options.record.empty() ? TruthSink() : truth_sink,
+        {options.twin, options.bus_faults, truth_wanted ? truth_sink : TruthSink(),
          BeginningNumber(options, parts.sequence->graph), options.realtime});
   }
   const InterfaceName name{options.bus, options.drives, options.pace};
@@ -238,14 +241,17 @@ RunDescription DescribeRun(const RunOptions& options, const RunParts& parts, con
   return run;
 }
 
-TelemetryConfig TelemetryOf(const RunOptions& options, const RunDescription& description,
-                            World& world) {
+TelemetryConfig TelemetryOf(const RunOptions& options, const RunParts& parts,
+                            const RunDescription& description, World& world,
+                            std::int64_t period_ns) {
   TelemetryConfig config;
   config.log_file = options.log;
   config.lcm_url = options.lcm_url;
   config.trace_file = options.trace;
+  config.truth_file = options.truth;
   config.run = description;
   config.utime_at_zero_us = UtimeAtZero(world);
+  config.replies = SampleTimesOf(parts.drives, period_ns);
   return config;
 }
 
@@ -566,21 +572,21 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   if (options.drives_motors() && !options.without_realtime)
     static_cast<void>(Schedule(options, period_ns, TryRealtime, voice));
 
-  std::unique_ptr<FlightRecorder> recorder;
-  const std::unique_ptr<World> world =
-      MakeWorld(options, simulation, parts, [&recorder](std::span<const std::uint8_t> truth) {
-        if (recorder != nullptr) recorder->PushTruth(truth);
-      });
+  TickFeed feed;
+  const std::unique_ptr<World> world = MakeWorld(options, simulation, parts, feed);
   const RunDescription description = DescribeRun(options, parts, *world);
-  Telemetry telemetry(TelemetryOf(options, description, *world));
+  Telemetry telemetry(TelemetryOf(options, parts, description, *world, period_ns));
+  feed.Add(&telemetry);
   std::optional<LcmCommands> commands;
   Listen(options, graph, description.number, period_ns, voice, commands);
+  std::unique_ptr<FlightRecorder> recorder;
   if (!options.record.empty()) {
     recorder = OpenRecorder(
         options.record, DescribeForRecord(options, *world, description, files, settings, period_ns),
         [shared_voice, program = options.program](const std::string& text) {
           shared_voice->Say(program + ": " + text);
         });
+    feed.Add(recorder.get());
   }
 
   NoteHoldWithoutEnd(options, procedure_config);
@@ -588,7 +594,7 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   world->Open();
   CatchInterrupts();
   if (!CheckDrives(options, parts, *world, telemetry, voice)) return std::nullopt;
-  Play play(assembly, *world, {&telemetry, recorder.get()});
+  Play play(assembly, *world, feed);
   RunSummary summary = BeginSummary(options, parts, description);
   std::optional<CpuAwake> awake;
   if (options.realtime) awake.emplace();

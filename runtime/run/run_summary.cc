@@ -1,5 +1,6 @@
 #include "runtime/run/run_summary.h"
 #include "common/files/json.h"
+#include "runtime/run/run_figures.h"
 
 #include <fmt/format.h>
 
@@ -430,6 +431,13 @@ Json JsonOf(const InterfaceSummary& interface) {
           {"bus_offs", i.bus_offs}};
 }
 
+/// Adds the counts of a group.
+void AppendFigures(const RunSummary& summary, RunFigure::Group group, Json& json) {
+  ForEachRow(kRunFigures, [&](const auto& row) {
+    if (row.field.group == group) json[row.field.key] = row.value(summary);
+  });
+}
+
 Json SensorJson(const LoopStatistics& s) {
   Json json = {
       {"status", ToString(s.sensor)}, {"feedback_ticks", s.feedback_ticks}, {"get_ups", s.get_ups}};
@@ -488,29 +496,18 @@ std::string ToJson(const RunSummary& summary) {
                            {"peak_torque_nm", figures.peak_torque_nm},
                            {"following_error_max_rad", figures.following_error_max_rad}});
   }
-  json["ticks"] = s.ticks;
-  json["running_ticks"] = s.run_ticks;
-  json["missed_ticks"] = s.missed_ticks;
-  json["late_ticks"] = s.late_ticks;
-  json["limited_ticks"] = s.limited_ticks;
+  AppendFigures(summary, RunFigure::Group::kTicks, json);
   if (s.sensor != SensorStatus::kNone) json["sensor"] = SensorJson(s);
   json["timing"] = TimingJson(s, summary.machine,
                               summary.realtime ? summary.realtime->scheduling : "time-shared");
   if (summary.attended) json["runs"] = summary.runs;
   json["realtime_in_force"] = summary.realtime && summary.realtime->in_force();
-  json["frames_sent"] = s.frames_sent;
-  json["frames_received"] = s.frames_received;
-  json["send_failures"] = s.send_failures;
+  AppendFigures(summary, RunFigure::Group::kFrames, json);
   json["worst_case_bits_per_tick"] = summary.worst_case_tick_bits;
   json["worst_case_bus_load"] = summary.worst_case_load;
   json["measured_bus_load"] = Maybe(summary.measured_load);
   if (summary.interface) json["interface"] = JsonOf(*summary.interface);
-  json["lost_records"] = summary.lost_records;
-  json["unpublished_messages"] = summary.unpublished_messages;
-  json["unreadable_messages"] = summary.unreadable_messages;
-  json["refused_messages"] = summary.refused_messages;
-  json["recorded_ticks"] = summary.recorded_ticks;
-  json["unrecorded_ticks"] = summary.unrecorded_ticks;
+  AppendFigures(summary, RunFigure::Group::kOutputs, json);
   json["record_problem"] = summary.record_problem;
   json["files"] = summary.files;
   json["unwritten"] = summary.unwritten;

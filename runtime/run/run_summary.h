@@ -8,6 +8,7 @@
 #include "common/core/exit_status.h"
 #include "common/files/purpose.h"
 #include "firmware_interface/can/socketcan_bus.h"
+#include "runtime/assembly/machine.h"
 #include "runtime/assembly/realtime_thread.h"
 #include "runtime/run/control_loop.h"
 

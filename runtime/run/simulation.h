@@ -21,9 +21,7 @@ struct SimulatedWorldConfig {
   /// File about the real robot (docs/formats.md). Without it the robot is that of the motion.
   std::string twin_file;
   std::string bus_faults;  ///< File that disturbs the bus (docs/formats.md).
-  std::string truth_log;   ///< LCM log to which truth_t goes.
-  std::string lcm_url;     ///< URL at which truth_t is published live.
-  TruthSink truth_sink;    ///< Called with every encoded truth_t; a flight record takes them.
+  TruthSink truth_sink;    ///< Called with every encoded truth_t.
   int begin = -1;          ///< The node as at whose start the robot lies; -1: the first.
   bool paced = false;      ///< Whether time keeps the pace of the clock, or is virtual.
 };

@@ -305,6 +305,7 @@ TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
   config.file = folder / "slow.rec";
   config.configuration = EncodeConfiguration(configuration);
   FlightRecorder recorder(config);
+  TickFeed feed({&recorder});
   const auto entry = std::make_unique<TickEntry>();
   while (record.Next(*entry)) {
     TickNotes& notes = entry->notes;
@@ -312,7 +313,7 @@ TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
          {&notes.deadline_ns, &notes.due_ns, &notes.awake_ns, &notes.send_ns, &notes.done_ns})
       *time_ns *= kSlower;
     for (std::size_t i = 0; i < entry->received_count; ++i) entry->received[i].time_ns *= kSlower;
-    recorder.Push(notes, entry->input(), {entry->frames, entry->record});
+    feed.Push(notes, entry->input(), {entry->frames, entry->record});
     recorder.Drain();
   }
   recorder.Stop("completed");

@@ -80,7 +80,8 @@ class BenchSim : public ::testing::TestWithParam<testing::ExampleDrives> {
     EXPECT_EQ(assembly.Configure(ExecutorConfigOf(settings, assembly.parts().drives)), Status::kOk);
     const std::unique_ptr<World> world =
         MakeSimulation().make_world(assembly.parts().file, real, {});
-    Play play(assembly, *world, {});
+    TickFeed feed;
+    Play play(assembly, *world, feed);
     play.Run(ProcedureConfigOf(settings, assembly.parts().drives, assembly.parts().sequence->graph),
              std::llround(1e9 / assembly.parts().drives.rate_hz));
     RunSummary summary;

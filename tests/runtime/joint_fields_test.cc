@@ -1,5 +1,5 @@
-// Compares the message of a joint, the table's columns and docs/formats.md with the description of
-// a joint's fields.
+// Compares the messages of a tick, a joint and a run, the table's columns and docs/formats.md with
+// the description of their fields.
 
 #include "runtime/executor/joint_fields.h"
 
@@ -8,14 +8,18 @@
 
 #include <cmath>
 #include <limits>
+#include <set>
 #include <string>
+#include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 #include <type_traits>
 #include <utility>
 
 #include "common/files/json.h"
+#include "runtime/executor/tick_fields.h"
 #include "runtime/record/live_view.h"
 #include "runtime/record/messages.h"
+#include "runtime/record/run_fields.h"
 #include "runtime/record/state_csv.h"
 #include "runtime/record/truth_csv.h"
 #include "tests/support/docs_tables.h"
@@ -27,48 +31,118 @@ namespace {
 template <typename Type>
 std::string LcmType() {
   if constexpr (std::is_same_v<Type, float>) return "float";
+  if constexpr (std::is_same_v<Type, double>) return "double";
   if constexpr (std::is_same_v<Type, bool>) return "boolean";
-  if constexpr (std::is_enum_v<Type>) return "int8_t";
+  if constexpr (std::is_enum_v<Type> || std::is_same_v<Type, std::int8_t>) return "int8_t";
   if constexpr (std::is_same_v<Type, std::int32_t>) return "int32_t";
-  if constexpr (std::is_same_v<Type, std::uint32_t>) return "int64_t";
+  if constexpr (std::is_same_v<Type, std::uint32_t> || std::is_same_v<Type, std::int64_t>)
+    return "int64_t";
+  if constexpr (std::is_same_v<Type, std::string> || std::is_same_v<Type, std::vector<std::string>>)
+    return "string";
 }
 
-std::string Message() {
+/// A line of a message type.
+std::string MessageLine(std::string type, const char* name, const char* meaning) {
+  type.resize(8, ' ');
+  return fmt::format("    {}{};{}{}\n", type, name, *meaning == '\0' ? "" : "  // ", meaning);
+}
+
+std::string JointMessage() {
   std::string text =
       "package tumbler;\n\n"
       "// One joint in one tick, at the joint (after gear, direction and zero).\n"
       "struct joint_state_t\n{\n";
   std::string said;
   ForEachJointField([&](const JointField& field, auto in_record, auto /*in_message*/) {
-    std::string type = LcmType<JointFieldType<decltype(in_record)>>();
-    type.resize(8, ' ');
-    text += "    " + type + field.column + ";";
-    if (said != field.meaning) text += std::string("  // ") + field.meaning;
+    text += MessageLine(LcmType<JointFieldType<decltype(in_record)>>(), field.column,
+                        said != field.meaning ? field.meaning : "");
     said = field.meaning;
-    text += "\n";
   });
-  text += fmt::format("    float   {};  // {}\n", kReplySampled.column, kReplySampled.meaning);
+  ForEachDerivedJointField([&](const JointField& field, auto /*of_tick*/, auto /*in_message*/) {
+    text += MessageLine("float", field.column, field.meaning);
+  });
   return text + "}\n";
 }
 
-std::string Table() {
+std::string TickMessage() {
+  std::string text =
+      "package tumbler;\n\n"
+      "// One control tick on channel TUMBLER_STATE: the planned setpoints, the same after the "
+      "limits "
+      "and after\n// rounding for the wire, and the measurements, all under one tick number.\n"
+      "struct state_t\n{\n";
+  state_t none;
+  ForEachRowBy<kTickFields, &TickField::message_place>([&]<typename Row>(const Row& row) {
+    if constexpr (Row::kInMessage) {
+      using Type = std::remove_cvref_t<decltype(row.in_message(none))>;
+      text += MessageLine(LcmType<Type>(), row.field.message, row.field.meaning);
+    }
+  });
+  text +=
+      "    joint_state_t joints[joint_count];\n\n"
+      "    const int8_t STATE_DISARMED = 0, STATE_ARMING = 1, STATE_HOLDING = 2, "
+      "STATE_MOVING_TO_START = 3;\n"
+      "    const int8_t STATE_RUNNING = 4, STATE_SETTLING = 5, STATE_STOPPING = 6, STATE_FAULT = "
+      "7;\n";
+  return text + "}\n";
+}
+
+std::string RunMessageText() {
+  std::string text =
+      "package tumbler;\n\n"
+      "// A run, its machine and its times, on channel TUMBLER_RUN four times a second, and at the "
+      "end.\n"
+      "struct run_t\n{\n";
+  run_t none;
+  ForEachRowBy<kRunFields, &RunField::message_place>([&]<typename Row>(const Row& row) {
+    using Type = std::remove_cvref_t<decltype(row.in_message(none))>;
+    std::string name = row.field.name;
+    if constexpr (Row::kList) name += fmt::format("[{}]", row.field.dimension);
+    // A boolean is one byte in messages, as int8_t is.
+    const bool flag =
+        std::is_same_v<std::invoke_result_t<decltype(row.value), const RunSoFar&>, bool>;
+    text += MessageLine(flag ? "boolean" : LcmType<Type>(), name.c_str(), row.field.meaning);
+  });
+  return text + "}\n";
+}
+
+/// A name as code; nothing where there is none.
+std::string Code(const char* name) { return *name == '\0' ? "" : "`" + std::string(name) + "`"; }
+
+std::string JointTable() {
   std::string text = testing::MarkdownHead({"field", "bytes", "unit", "meaning", "status"});
   ForEachJointField([&](const JointField& field, auto in_record, auto /*in_message*/) {
     text += testing::MarkdownRow(
-        {"`" + std::string(field.column) + "`",
-         std::to_string(sizeof(JointFieldType<decltype(in_record)>)), field.unit, field.meaning,
-         field.status == nullptr ? "" : "`" + std::string(field.status) + "`"});
+        {Code(field.column), std::to_string(sizeof(JointFieldType<decltype(in_record)>)),
+         field.unit, field.meaning, field.status == nullptr ? "" : Code(field.status)});
   });
-  text += testing::MarkdownRow({"`" + std::string(kReplySampled.column) + "`", "",
-                                kReplySampled.unit, kReplySampled.meaning, ""});
+  ForEachDerivedJointField([&](const JointField& field, auto /*of_tick*/, auto /*in_message*/) {
+    text += testing::MarkdownRow({Code(field.column), "", field.unit, field.meaning, ""});
+  });
+  return text;
+}
+
+std::string TickTable() {
+  std::string text =
+      testing::MarkdownHead({"in a record", "bytes", "in `state_t`", "column", "meaning"});
+  TickRecord record;
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    std::string bytes;
+    if constexpr (Row::kRecorded) bytes = std::to_string(sizeof(row.in_record(record)));
+    text += testing::MarkdownRow({Code(row.field.record), bytes, Code(row.field.message),
+                                  Code(row.field.column), row.field.meaning});
+  });
   return text;
 }
 
 TEST(JointFields, TheTablesOfTheDocumentAndTheMessageAreThoseOfTheCode) {
-  testing::ExpectText("runtime/record/lcm/joint_state_t.lcm", Message());
+  testing::ExpectText("runtime/record/lcm/joint_state_t.lcm", JointMessage());
+  testing::ExpectText("runtime/record/lcm/state_t.lcm", TickMessage());
+  testing::ExpectText("runtime/record/lcm/run_t.lcm", RunMessageText());
   testing::ExpectTables(
       "docs/formats.md",
-      std::vector<testing::DocsTable>{{"runtime/executor/joint_fields.h", "fields", Table()}});
+      std::vector<testing::DocsTable>{{"runtime/executor/joint_fields.h", "fields", JointTable()},
+                                      {"runtime/executor/tick_fields.h", "fields", TickTable()}});
 }
 
 /// A tick of one joint that has another value in every field, and its message.
@@ -103,6 +177,22 @@ TEST(JointFields, AMessageHoldsEachOfThemUnchanged) {
   EXPECT_EQ(tick.message.joints[0].reply_sampled_us, -21.0F);
 }
 
+TEST(TickFields, NoTwoOfThemHaveTheSamePlaceAndEachIsWhereItHasOne) {
+  std::set<int> in_messages, in_tables;
+  std::set<std::string> in_records;
+  ForEachRow(kTickFields, [&]<typename Row>(const Row& row) {
+    const TickField& field = row.field;
+    EXPECT_EQ(Row::kInMessage, in_messages.insert(field.message_place).second &&
+                                   *field.message != '\0' && field.message_place > 0)
+        << field.message;
+    EXPECT_EQ(Row::kShown, in_tables.insert(field.column_place).second && *field.column != '\0' &&
+                               field.column_place > 0)
+        << field.column;
+    EXPECT_EQ(Row::kRecorded, *field.record != '\0' && in_records.insert(field.record).second)
+        << field.record;
+  });
+}
+
 /// How many fields a line of CSV has, by its commas outside quotes.
 std::size_t FieldsOf(const std::string& line) {
   std::size_t fields = 1;
@@ -126,6 +216,10 @@ TEST(JointFields, ANameWithACommaIsOneFieldOfTheTable) {
 
 TEST(JointFields, AColumnOfTheTableStaysWhereReadersOfItExpectIt) {
   const std::string header = StateCsvHeader({"leg"});
+  EXPECT_EQ(header.substr(0, header.find(",leg_")),
+            "number,tick,time_s,state,node,cycles,primitive_time_s,faults,fault,fault_joint"
+            ",fault_tick,fault_value,fault_limit,command,refusal,request_id,request"
+            ",request_refusal,wake_up_us,tick_us,bus_bits");
   EXPECT_EQ(header.substr(header.find(",bus_bits") + 9),
             ",leg_planned_position_rad,leg_planned_velocity_rad_s,leg_planned_torque_nm"
             ",leg_limited_position_rad,leg_limited_velocity_rad_s,leg_limited_torque_nm"

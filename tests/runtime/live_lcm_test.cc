@@ -279,13 +279,14 @@ TEST(Telemetry, PublishesEveryRecordLive) {
   TelemetryConfig config;
   config.lcm_url = kUrl;
   Telemetry telemetry(config);
-  telemetry.Start();
+  TickFeed feed({&telemetry});
+  feed.Start();
   constexpr std::int64_t kRecords = 50;  // few enough for any socket buffer
   for (std::int64_t i = 0; i < kRecords; ++i) {
-    TimedRecord timed;
-    timed.record.tick = i;
-    timed.record.joint_count = 2;
-    telemetry.Push(timed);
+    TickOutput output;
+    output.record.tick = i;
+    output.record.joint_count = 2;
+    feed.Push({}, {}, output);
   }
   while (static_cast<std::int64_t>(ticks.size()) < kRecords && subscriber.handleTimeout(5000) > 0) {
   }

@@ -120,9 +120,10 @@ TEST(ManyJoints, AsManyAsThisBuildTakesArePlayedRecordedAndReplayed) {
   config.file = folder / "run.rec";
   config.configuration = EncodeConfiguration(configuration);
   FlightRecorder recorder(config);
+  TickFeed feed({&recorder});
   RunProcedure procedure(configuration.procedure);
   OperatorMailbox mailbox;
-  ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox, nullptr, &recorder},
+  ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox, &feed},
                    configuration.period_ns, 0);
   while (loop.Step()) recorder.Drain();
   recorder.Stop("completed");

@@ -281,7 +281,8 @@ Rehearsed Rehearse(const std::string& motion, RunSettings settings,
   EXPECT_EQ(assembly.Configure(ExecutorConfigOf(settings, assembly.parts().drives)), Status::kOk);
   const std::unique_ptr<World> world =
       MakeSimulation().make_world(assembly.parts().file, assembly.parts().drives, world_config);
-  Play play(assembly, *world, {});
+  TickFeed feed;
+  Play play(assembly, *world, feed);
   play.Run(ProcedureConfigOf(settings, assembly.parts().drives, assembly.parts().sequence->graph),
            1'000'000, each);
   Rehearsed run;
@@ -510,6 +511,23 @@ class Witness {
   std::array<std::int64_t, 16> asked_ns_{};
 };
 
+/// What is exported of the last tick.
+class LastTimedRecord final : public TickSink {
+ public:
+  explicit LastTimedRecord(const SampleTimes& replies) : records_(replies) {}
+  void Push(std::span<const std::uint8_t> message) noexcept override {
+    ASSERT_TRUE(DecodeTick(ContentOf(message), entry_));
+    timed = records_.Next(entry_);
+  }
+  void Drain() override {}
+  void Start() override {}
+  TimedRecord timed;
+
+ private:
+  TimedRecords records_;
+  TickEntry entry_;
+};
+
 TEST_F(SimTwin, TellsToTheBitOfTheBusWhenRepliesWereSampled) {
   RunParts parts = LoadRunMotion(kPrimitives + "handstand.toml");
   parts.drives =
@@ -527,17 +545,15 @@ TEST_F(SimTwin, TellsToTheBitOfTheBusWhenRepliesWereSampled) {
   VirtualClock clock([&witness](std::int64_t time_ns) { witness.AdvanceTo(time_ns); });
   RunProcedure procedure(ProcedureConfigOf({}, drives, assembly.parts().sequence->graph));
   OperatorMailbox mailbox;
-  Telemetry telemetry({});
-  ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox, &telemetry, nullptr,
-                    SampleTimesOf(drives, 1'000'000)},
-                   1'000'000, 0);
+  LastTimedRecord last(SampleTimesOf(drives, 1'000'000));
+  TickFeed feed({&last});
+  ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox, &feed}, 1'000'000, 0);
   std::int64_t compared = 0;
   double off_most_rad = 0;
   while (loop.Step()) {
-    telemetry.Drain();
     if (loop.record().state != ExecutorState::kRunning) continue;
     for (std::size_t j = 0; j < 2; ++j) {
-      const float sampled_us = loop.timed_record().reply_sampled_us[j];
+      const float sampled_us = last.timed.reply_sampled_us[j];
       const auto& mit = std::get<MitConfig>(drives.drives[j].config);
       EXPECT_NEAR(1e3 * double{sampled_us},
                   static_cast<double>(witness.asked_ns(mit.command_id) - loop.time_ns()), 1);

@@ -413,7 +413,7 @@ TEST(TickEntry, OfBeforeThereWereSensorsIsReadAsOneWithoutASensor) {
     EXPECT_FALSE(DecodeTick(bytes, *entry)) << "it lacks what a tick has now";
     entry->record.sensor.status = SensorStatus::kLate;  // of the entry that was read before
     for (JointRecord& joint : entry->record.joints) joint.correction_rad = 1;
-    ASSERT_TRUE(DecodeTick(bytes, *entry, TickFormat::kWithoutSensor)) << seed;
+    ASSERT_TRUE(DecodeTick(bytes, *entry, kRecordedSensors - 1)) << seed;
     tick.output.record.sensor = {};
     for (JointRecord& joint : tick.output.record.joints) joint.correction_rad = 0;
     EXPECT_EQ(BitsOf(entry->record), BitsOf(tick.output.record)) << seed;

@@ -115,25 +115,26 @@ class HiddenRuns {
     config.file = record;
     config.configuration = EncodeConfiguration(configuration);
     FlightRecorder recorder(config);
-    const bool stands = Play(robot, &recorder);
+    TickFeed feed({&recorder});
+    const bool stands = Play(robot, &feed);
     recorder.Stop("completed");
     return stands;
   }
 
   /// The same without a record.
-  bool Play(const HiddenRobot& robot, FlightRecorder* recorder = nullptr) const {
+  bool Play(const HiddenRobot& robot, TickFeed* feed = nullptr) const {
     SharedRobot shared = shared_;
     for (JointMotor& motor : shared.config.motors) {
       motor.torque_factor = robot.torque_factor;
       motor.velocity_filter_s = robot.velocity_filter_s;
       motor.torque_time_constant_s = robot.torque_lag_s;
     }
-    VariedRun run({motion_, nullptr, RunSettings{}, recorder}, shared, robot.variation);
+    VariedRun run({motion_, nullptr, RunSettings{}, feed}, shared, robot.variation);
     PurposeJudge judge(motion_.file(), shared.scene.robot);
     while (run.Step()) {
       judge.Observe(run.record(), run.loop().time_ns(), run.robot().state());
-      if (recorder != nullptr) recorder->Drain();
-      if (recorder == nullptr && run.robot().posture().falls() > 0) return false;
+      if (feed != nullptr) feed->Drain();
+      if (feed == nullptr && run.robot().posture().falls() > 0) return false;
     }
     bool stands = run.robot().posture().falls() == 0 && !judge.passages().empty();
     for (const Passage& passage : judge.passages()) stands = stands && !passage.amiss();

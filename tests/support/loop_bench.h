@@ -11,6 +11,7 @@
 #include "firmware_interface/devices/rotor_plant.h"
 #include "firmware_interface/devices/simulated_mit.h"
 #include "runtime/assembly/clock.h"
+#include "runtime/record/telemetry.h"
 #include "runtime/run/control_loop.h"
 #include "tests/support/motions.h"
 
@@ -56,8 +57,7 @@ class LoopBench {
   /// Uses another clock than the virtual one, which lets `plant` run on.
   void UseClock(Clock& other, std::int64_t start_ns) {
     loop = std::make_unique<ControlLoop>(
-        ControlLoop::Parts{executor, host, other, *procedure, mailbox, &telemetry}, 1'000'000,
-        start_ns);
+        ControlLoop::Parts{executor, host, other, *procedure, mailbox, &feed}, 1'000'000, start_ns);
   }
 
   template <typename Each>
@@ -70,6 +70,7 @@ class LoopBench {
   }
 
   Telemetry telemetry;
+  TickFeed feed{&telemetry};
   VirtualClock clock;
   SimulatedBus bus;
   SimulatedPort& host = bus.Attach();

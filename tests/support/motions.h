@@ -74,4 +74,15 @@ Primitive<Scalar> RandomPrimitive(const MotionShape& shape, std::mt19937& random
   return primitive;
 }
 
+/// The random primitive of a seed.
+inline Primitive<float> Motion(unsigned seed, const MotionShape& shape = {}) {
+  std::mt19937 random(seed);
+  return RandomPrimitive<float>(shape, random);
+}
+
+/// Where a joint begins.
+inline float Start(const Primitive<float>& primitive, std::size_t joint) {
+  return primitive.joints[joint].position.control_points()[0];
+}
+
 }  // namespace tumbler::testing

@@ -55,7 +55,7 @@ inline RecordConfiguration SmallConfiguration() {
 
 /// Runs the configured motion against drives that go where they are sent, and records it.
 /// @param tick_done  called after every tick with its number.
-inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& recorder,
+inline void RecordRun(const RecordConfiguration& configuration, TickFeed& feed,
                       const std::function<void(std::int64_t)>& tick_done = {},
                       std::int64_t ticks_max = 100'000) {
   Assembly assembly = Assemble(configuration);
@@ -83,7 +83,7 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
     notes.send_ns = now_ns + 20;
     notes.done_ns = now_ns + 30;
     notes.sent_count = 2;
-    recorder.Push(notes, input, output);
+    feed.Push(notes, input, output);
     received.clear();
     for (std::size_t i = 0; i < 2; ++i) {
       const auto& mit = std::get<MitConfig>(assembly.parts().drives.drives[i].config);
@@ -108,8 +108,9 @@ inline std::string RecordedBytes(const RecordConfiguration& configuration,
   config.file = folder / "run.rec";
   config.configuration = EncodeConfiguration(configuration);
   FlightRecorder recorder(config);
+  TickFeed feed({&recorder});
   RecordRun(
-      configuration, recorder, [&recorder](std::int64_t) { recorder.Drain(); }, ticks_max);
+      configuration, feed, [&recorder](std::int64_t) { recorder.Drain(); }, ticks_max);
   recorder.Stop("completed");
   return ReadFile(config.file);
 }

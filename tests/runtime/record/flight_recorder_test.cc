@@ -44,7 +44,8 @@ class FlightRecorderTest : public ::testing::Test {
 
 TEST_F(FlightRecorderTest, RecordsARunThatReplaysIdentically) {
   FlightRecorder recorder(config_);
-  testing::RecordRun(configuration_, recorder, [&](std::int64_t) { recorder.Drain(); });
+  TickFeed feed({&recorder});
+  testing::RecordRun(configuration_, feed, [&](std::int64_t) { recorder.Drain(); });
   recorder.Stop("completed");
   EXPECT_THAT(said_, IsEmpty());
   EXPECT_EQ(recorder.lost(), 0);
@@ -63,8 +64,9 @@ TEST_F(FlightRecorderTest, RecordsARunThatReplaysIdentically) {
 
 TEST_F(FlightRecorderTest, WritesTheSameBytesWithAThreadOfItsOwn) {
   FlightRecorder recorder(config_);
+  TickFeed feed({&recorder});
   recorder.Start();
-  testing::RecordRun(configuration_, recorder);
+  testing::RecordRun(configuration_, feed);
   recorder.Stop("completed");
   EXPECT_EQ(ReadFile(config_.file), testing::RecordedBytes(configuration_));
 }
@@ -73,6 +75,7 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
   if (!testing::AllocationGuard::kActive) GTEST_SKIP() << "the sanitizer owns malloc";
   config_.ring_bytes = 4096;  // A full ring, after a few ticks, must not allocate either.
   FlightRecorder recorder(config_);
+  TickFeed feed({&recorder});
   std::vector<ReceivedFrame> received(TickEntry::kReceivedMax / 8);
   TickInput input;
   input.received = received;
@@ -82,8 +85,8 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
     testing::AllocationGuard guard;
     const std::array<std::uint8_t, 300> truth{};
     for (int i = 0; i < 20; ++i) {
-      recorder.Push({}, input, output);
-      recorder.PushTruth(truth);
+      feed.Push({}, input, output);
+      feed.PushTruth(truth);
     }
   }
   EXPECT_GT(recorder.lost(), 5);
@@ -92,8 +95,9 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
 TEST_F(FlightRecorderTest, CountsSaysAndMarksTicksThatTheRingHasNoRoomFor) {
   config_.ring_bytes = 4096;
   FlightRecorder recorder(config_);
+  TickFeed feed({&recorder});
   // The recorder is drained only at tick 50 and at the end.
-  testing::RecordRun(configuration_, recorder, [&](std::int64_t tick) {
+  testing::RecordRun(configuration_, feed, [&](std::int64_t tick) {
     if (tick == 50) recorder.Drain();
   });
   recorder.Stop("completed");
@@ -152,10 +156,11 @@ TEST_F(FlightRecorderTest, StopsAndSaysSoWhenTheDiskIsFullAndKeepsWhatIsWhole) {
     said_.clear();
     config_.file = folder_ / ("run" + std::to_string(room));
     FlightRecorder recorder(config_);
+    TickFeed feed({&recorder});
     std::int64_t ticks_after = 0;
     {
       const FileSizeLimit limit(room);
-      testing::RecordRun(configuration_, recorder, [&](std::int64_t) {
+      testing::RecordRun(configuration_, feed, [&](std::int64_t) {
         recorder.Drain();
         ticks_after += recorder.problem().empty() ? 0 : 1;
       });
@@ -193,12 +198,13 @@ TEST_F(FlightRecorderTest, LeavesNoFileWhenThereIsNoRoomForTheConfiguration) {
 
 TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
   FlightRecorder recorder(config_);
+  TickFeed feed({&recorder});
   testing::RecordRun(
-      configuration_, recorder,
-      [&recorder](std::int64_t tick) {
+      configuration_, feed,
+      [&](std::int64_t tick) {
         const std::array<std::uint8_t, 3> truth = {1, 2, static_cast<std::uint8_t>(tick)};
-        if (tick % 5 == 0) recorder.PushTruth(truth);
-        recorder.PushTruth(std::vector<std::uint8_t>(kTickEntryBytesMax + 1));  // too long
+        if (tick % 5 == 0) feed.PushTruth(truth);
+        feed.PushTruth(std::vector<std::uint8_t>(kTickEntryBytesMax + 1));  // too long
         recorder.Drain();
       },
       23);
@@ -233,10 +239,11 @@ TEST_F(FlightRecorderTest, AThreadThatComesToNoEndIsLeftBehindAndSaidToBe) {
   };
   {
     FlightRecorder recorder(config_);
-    testing::RecordRun(configuration_, recorder);
+    TickFeed feed({&recorder});
+    testing::RecordRun(configuration_, feed);
     recorder.Start();
     while (!entered) {
-      testing::RecordRun(configuration_, recorder);
+      testing::RecordRun(configuration_, feed);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     recorder.Stop("completed", [] { return std::chrono::milliseconds(1); });
@@ -276,7 +283,8 @@ TEST_F(FlightRecorderTest, RemovesARecordOfNothing) {
 TEST_F(FlightRecorderTest, WithoutStopTheRecordLacksItsEndAlone) {
   {
     FlightRecorder recorder(config_);
-    testing::RecordRun(configuration_, recorder);
+    TickFeed feed({&recorder});
+    testing::RecordRun(configuration_, feed);
   }
   const std::string whole = testing::RecordedBytes(configuration_);
   const std::string bytes = ReadFile(config_.file);

@@ -103,7 +103,7 @@ TEST_F(RecordExport, WritesTheTicksAsTelemetryDoes) {
 TEST_F(RecordExport, SaysOfARecordOfVersionFourWhenRepliesWereSampled) {
   const std::string former = ReadFile(testing::SourcePath("tests/data/records/version_4.rec"));
   FlightRecord record(AsBytes(former), "version_4.rec");
-  TimedRecords records(record.configuration());
+  TimedRecords records = TimedRecordsOf(record.configuration());
   const auto entry = std::make_unique<TickEntry>();
   std::int64_t known = 0, sent_ns = 0;
   while (record.Next(*entry)) {
@@ -124,7 +124,7 @@ TEST_F(RecordExport, SaysOfARecordOfVersionFourWhenRepliesWereSampled) {
 }
 
 TEST_F(RecordExport, AReplyToASetpointThatWasNotRecordedWasSampledBeforeItBegan) {
-  TimedRecords all(configuration_), some(configuration_);
+  TimedRecords all = TimedRecordsOf(configuration_), some = TimedRecordsOf(configuration_);
   const auto entry = std::make_unique<TickEntry>();
   record_->Rewind();
   for (std::int64_t tick = 0; tick < 20 && record_->Next(*entry); ++tick) {

@@ -6,8 +6,11 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
+#include <vector>
 
+#include "runtime/record/lcm_log.h"
 #include "runtime/record/record_blocks.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"
@@ -238,6 +241,26 @@ TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
   EXPECT_EQ(ReadFile(folder_ / "b.csv"), ReadFile(folder_ / "a.csv"));
   EXPECT_EQ(ReadFile(folder_ / "b.lcm"), ReadFile(folder_ / "a.lcm"));
   EXPECT_GT(ReadFile(folder_ / "a.csv").size(), 100'000U);
+}
+
+TEST_F(RecordPrograms, TheLogOfTrueStatesHasThoseOfTheRecordInTheirOrder) {
+  ASSERT_EQ(Record("--truth " + (folder_ / "truth.lcm")).exit_code, 0);
+  std::vector<std::string> logged, recorded;
+  ForEachLogEvent(folder_ / "truth.lcm", [&logged](const lcm::LogEvent& event) {
+    EXPECT_EQ(event.channel, "TUMBLER_TRUTH");
+    logged.emplace_back(static_cast<const char*>(event.data),
+                        static_cast<std::size_t>(event.datalen));
+  });
+  const MappedFile file(record_);
+  FlightRecord record(file.bytes(), record_);
+  const auto take = [&] {
+    for (const auto& truth : record.truths()) recorded.emplace_back(truth.begin(), truth.end());
+  };
+  const auto entry = std::make_unique<TickEntry>();
+  while (record.Next(*entry)) take();
+  take();
+  EXPECT_GT(recorded.size(), 100U);
+  EXPECT_TRUE(logged == recorded);
 }
 
 TEST_F(RecordPrograms, AnExportThatDoesNotFitLeavesTheFileThatWasThere) {

@@ -1,22 +1,10 @@
-#include "offline/twin/truth_log.h"
-
-#include <fmt/format.h>
+#include "offline/twin/truth_sampler.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
 #include <iterator>
 #include <limits>
-#include <optional>
-#include <stdexcept>
-#include <system_error>
-#include <vector>
 
-#include <lcm/lcm-cpp.hpp>
 #include <tumbler/space_truth_t.hpp>
-
-#include "common/files/result_file.h"
-#include "runtime/record/channels.h"
 
 namespace tumbler {
 namespace {
@@ -88,69 +76,14 @@ void Encode(const Message& message, std::vector<std::uint8_t>& bytes) {
 
 }  // namespace
 
-struct TruthLog::Implementation {
-  explicit Implementation(const TruthLogConfig& config_in) : config(config_in) {
-    if (!config.log_file.empty()) {
-      log_lock.emplace(config.log_file);
-      log.emplace(config.log_file, "w");
-      if (!log->good()) {
-        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
-                                             std::generic_category().message(errno)));
-      }
-    }
-    if (!config.lcm_url.empty()) {
-      live = std::make_unique<lcm::LCM>(config.lcm_url);
-      if (!live->good())
-        throw std::runtime_error(fmt::format("{}: LCM cannot use this", config.lcm_url));
-    }
-  }
-
-  TruthLogConfig config;
-  std::optional<WriterLock> log_lock;
-  std::optional<lcm::LogFile> log;
-  std::unique_ptr<lcm::LCM> live;
-  std::vector<std::uint8_t> bytes;
-  std::int64_t due_ns = 0;
-  std::int64_t written = 0;
-  bool failed = false;  // The log could not be written whole.
-};
-
-TruthLog::TruthLog(const TruthLogConfig& config)
-    : implementation_(std::make_unique<Implementation>(config)) {}
-TruthLog::~TruthLog() = default;
-
-void TruthLog::Observe(const SimulatedRobot& robot) {
-  Implementation& m = *implementation_;
-  if (!m.log && !m.live && !m.config.sink) return;
+void TruthSampler::Observe(const SimulatedRobot& robot) {
+  if (!sink_) return;
   const std::int64_t now_ns = robot.now_ns();
-  if (now_ns < m.due_ns) return;
-  m.due_ns = (now_ns / m.config.period_ns + 1) * m.config.period_ns;
+  if (now_ns < due_ns_) return;
+  due_ns_ = (now_ns / kPeriod_ns + 1) * kPeriod_ns;
   const space_truth_t message = MessageOf(robot);
-  robot.state().is_in_space() ? Encode(message, m.bytes) : Encode(message.truth, m.bytes);
-  const int size = static_cast<int>(m.bytes.size());
-  if (m.log && !m.failed) {
-    lcm::LogEvent event{};
-    event.eventnum = m.written++;
-    event.timestamp = m.config.utime_at_zero_us + now_ns / 1000;
-    event.channel = kTruthChannel;
-    event.datalen = size;
-    event.data = m.bytes.data();
-    // The simulation goes on without its log: a robot in motion is not dropped for a full disk.
-    if (m.log->writeEvent(&event) != 0) m.failed = true;
-  }
-  if (m.config.sink) m.config.sink(m.bytes);
-  // A live message that LCM does not take is lost.
-  if (m.live) {
-    static_cast<void>(m.live->publish(kTruthChannel, m.bytes.data(), static_cast<unsigned>(size)));
-  }
-}
-
-void TruthLog::Finish() {
-  Implementation& m = *implementation_;
-  if (m.log && std::fflush(m.log->getFilePtr()) != 0) m.failed = true;
-  if (m.failed) {
-    throw std::runtime_error(fmt::format("{}: could not be written whole", m.config.log_file));
-  }
+  robot.state().is_in_space() ? Encode(message, bytes_) : Encode(message.truth, bytes_);
+  sink_(bytes_);
 }
 
 }  // namespace tumbler
