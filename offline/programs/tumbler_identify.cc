@@ -225,6 +225,10 @@ void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
         "NOT TO BE TRUSTED, and called an effective model: so far from the prior's robot its "
         "records may say other things than is known of them; fit all records at once\n");
   }
+  for (const std::string& cause : fit.causes) fmt::print("{}\n", cause);
+  if (fit.effective && fit.chi <= settings.chi_max && !fit.strays()) {
+    fmt::print("an EFFECTIVE model: it explains the records, but need not be the robot\n");
+  }
 }
 
 /// What an earlier posterior says, for records of these drives.
@@ -587,7 +591,7 @@ ExitStatus Main(int argc, char** argv) {
   fit.Option("--prior", arguments.prior,
              "Posterior of earlier records of this robot; the new ones are taken into account");
   fit.Option("--held-out", arguments.held_out,
-             "Records that are not fitted, but predicted, for the page")
+             "A record that is not fitted, but predicted, for the page; once for each")
       .TakesOneValueEachTime();
   fit.Option("--encoder-counts", arguments.encoder_counts,
              "Of the drives' encoders for a turn of their shaft; 0: exact")

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <stdexcept>
+#include <variant>
 
 #include "common/core/functions.h"
 #include "offline/scene/normal.h"
@@ -482,6 +483,28 @@ double ChiSquaredLimit(std::size_t n) {
   return static_cast<double>(n) * root * root * root;
 }
 
+/// Finds what is known to be amiss with records, and calls the model of what is not modelled
+/// effective.
+void NoteCauses(std::span<const RecordedMotion> records, double chi_max, FitOutcome& outcome) {
+  const bool explained = outcome.chi <= chi_max;
+  for (const DriveEntry& drive : records.front().drives.drives) {
+    if (std::holds_alternative<MitConfig>(drive.config)) continue;
+    outcome.effective = true;
+    outcome.causes.push_back(fmt::format(
+        "the drive of {} is none of MIT: when it takes setpoints, and what it does with them "
+        "until the next, is not modelled",
+        drive.joint));
+    break;
+  }
+  for (const RecordedMotion& record : records) {
+    if (record.rested || explained) continue;
+    outcome.causes.push_back(
+        fmt::format("{} does not show that the robot rested before its motion; if it did not, "
+                    "that may be why: hold it still for half a second",
+                    record.name));
+  }
+}
+
 }  // namespace
 
 double FitOutcome::ShareLeft(std::size_t quantity) const {
@@ -586,6 +609,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     outcome.moved_max = ChiSquaredLimit(n);
     outcome.effective = outcome.effective || outcome.strays();
   }
+  NoteCauses(records, settings.chi_max, outcome);
   return outcome;
 }
 

@@ -76,6 +76,8 @@ struct FitOutcome {
   /// above once in a thousand times. Beyond it the earlier records may say other things than is
   /// known of them, and the model is called effective. 0: without.
   double moved = 0, moved_max = 0;
+  /// In words, what is known to be amiss with an effective model's records.
+  std::vector<std::string> causes;
   bool weighed = false;
   int starts = 0;       ///< Of which the best was taken.
   int evaluations = 0;  ///< Robots that were played through all records.

@@ -415,38 +415,90 @@ std::string CutAt(const std::string& path, std::int64_t ticks) {
   return bytes.substr(0, offsets[static_cast<std::size_t>(begins + ticks)]);
 }
 
+/// Writes a record again with what `change` makes of its configuration and ticks.
+template <class Change>
+void Rewrite(const std::string& from, const std::string& to, const Change& change) {
+  const std::string bytes = ReadFile(from);
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, from);
+  RecordConfiguration configuration = record.configuration();
+  const auto entry = std::make_unique<TickEntry>();
+  change(configuration, *entry);
+  FlightRecorderConfig config;
+  config.file = to;
+  config.configuration = EncodeConfiguration(configuration);
+  FlightRecorder recorder(config);
+  while (record.Next(*entry)) {
+    change(configuration, *entry);
+    recorder.Push(entry->notes, entry->input(), {entry->frames, entry->record});
+    recorder.Drain();
+  }
+  recorder.Stop("completed");
+}
+
 TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
   constexpr std::int64_t kSlower = 20;
   const Records& of = Shared();
   const testing::TemporaryFolder folder;
-  const std::string bytes = ReadFile(of.back());
-  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "back");
-  RecordConfiguration configuration = record.configuration();
-  configuration.period_ns *= kSlower;
-  FlightRecorderConfig config;
-  config.file = folder / "slow.rec";
-  config.configuration = EncodeConfiguration(configuration);
-  FlightRecorder recorder(config);
-  const auto entry = std::make_unique<TickEntry>();
-  while (record.Next(*entry)) {
-    TickNotes& notes = entry->notes;
+  const std::string file = folder / "slow.rec";
+  bool begun = false;
+  Rewrite(of.back(), file, [&begun](RecordConfiguration& configuration, TickEntry& entry) {
+    if (!begun) configuration.period_ns *= kSlower;
+    begun = true;
+    TickNotes& notes = entry.notes;
     for (std::int64_t* time_ns :
          {&notes.deadline_ns, &notes.due_ns, &notes.awake_ns, &notes.send_ns, &notes.done_ns})
       *time_ns *= kSlower;
-    for (std::size_t i = 0; i < entry->received_count; ++i) entry->received[i].time_ns *= kSlower;
-    recorder.Push(notes, entry->input(), {entry->frames, entry->record});
-    recorder.Drain();
-  }
-  recorder.Stop("completed");
+    for (std::size_t i = 0; i < entry.received_count; ++i) entry.received[i].time_ns *= kSlower;
+  });
   const RecordedMotion usual = ReadRecordedMotion(of.back());
-  const RecordedMotion slow = ReadRecordedMotion(config.file);
+  const RecordedMotion slow = ReadRecordedMotion(file);
   EXPECT_NEAR(slow.tick_s, usual.tick_s, 1e-12);
   EXPECT_NEAR(slow.late_s, usual.late_s, 1e-9);
   EXPECT_GT(usual.late_s, 1e-5);
   EXPECT_EQ(slow.begins, usual.begins);
   ASSERT_EQ(slow.ticks.size(), usual.ticks.size());
   for (std::size_t k = 0; k < usual.ticks.size(); ++k)
-    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-9);
+    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-6);
+}
+
+TEST(IdentifyProgram, ARunInRealTimeIsReadByTheTimeStampsOfItsReplies) {
+  // The robot stands still while it is simulated, and the clock goes on: setpoints are sent later
+  // by it than they reach the robot, by another time in each tick.
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string file = folder / "real.rec";
+  Rewrite(of.back(), file, [](RecordConfiguration& configuration, TickEntry& entry) {
+    configuration.virtual_time = false;
+    entry.notes.send_ns += 60'000 + 10'000 * (entry.tick % 17);
+    entry.notes.done_ns = std::max(entry.notes.done_ns, entry.notes.send_ns);
+  });
+  const RecordedMotion usual = ReadRecordedMotion(of.back());
+  const RecordedMotion real = ReadRecordedMotion(file);
+  EXPECT_TRUE(usual.periods_with_ticks);
+  EXPECT_FALSE(real.periods_with_ticks);
+  ASSERT_EQ(real.ticks.size(), usual.ticks.size());
+  for (std::size_t k = 0; k + 1 < usual.ticks.size(); ++k) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      const RecordedJoint &a = real.ticks[k][j], &b = usual.ticks[k][j];
+      ASSERT_EQ(a.reading_rad, b.reading_rad) << k << ": a reply answers its own tick";
+      EXPECT_NEAR(a.arrival_s, b.arrival_s, 1e-6) << k;
+      EXPECT_NEAR(a.sampled_s, b.sampled_s, 1e-6) << k;
+    }
+  }
+}
+
+TEST(IdentifyProgram, WhyAModelIsEffectiveIsSaidWhereItIsKnown) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string drives = SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
+  of.Record("stand", drives, folder / "other.rec");
+  const Outcome other = Identify({"fit", folder / "other.rec", "--out", folder / "model"});
+  EXPECT_EQ(other.exit_code, 4);
+  EXPECT_THAT(other.text, AllOf(HasSubstr("the drive of leg1 is none of MIT"),
+                                HasSubstr("an EFFECTIVE model")));
+  EXPECT_THAT(ReadFile(folder / "model/index.html"), HasSubstr("the drive of leg1 is none of MIT"));
+  EXPECT_TRUE(LoadPosterior(folder / "model/posterior.toml").effective);
+  EXPECT_THAT(Identify({"fit", of.back()}).text, Not(HasSubstr("none of MIT")));
 }
 
 TEST(IdentifyProgram, ARecordThatTellsNothingIsRefusedBySayingWhy) {

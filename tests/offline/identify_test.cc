@@ -230,10 +230,17 @@ TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
         record.ticks[k][j].reading_rad = record.ticks[k - 1][j].reading_rad;
     }
   }
+  records.back().rested = false;
   FitSettings settings;
   settings.starts = 1;
   const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
   EXPECT_TRUE(fit.effective || MeanOf(fit, Kind::kLag) < -5e-4) << fit.chi;
+  // Where a record is not explained whose robot may not have rested, that is said.
+  ASSERT_EQ(fit.causes.size(), fit.chi > settings.chi_max ? 1U : 0U);
+  if (fit.chi > settings.chi_max) {
+    EXPECT_THAT(IdentifyPage(fit, settings, {}),
+                ::testing::HasSubstr("does not show that the robot rested"));
+  }
 }
 
 TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
