@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/files/command_line.h"
@@ -550,6 +551,19 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   return outcome.open() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
+/// Refuses a record behind that of --held-out: it would be fitted, which may not be meant.
+void CheckHeldOut(int argc, char** argv) {
+  constexpr std::string_view kOption = "--held-out";
+  for (int i = 1; i + 2 < argc; ++i) {
+    if (argv[i] != kOption || argv[i + 2][0] == '-') continue;
+    throw UsageError(
+        std::string(kOption),
+        fmt::format("takes one record each time, and {} is behind it; to hold that out, too, give "
+                    "the option again, and records that are fitted before it",
+                    argv[i + 2]));
+  }
+}
+
 ExitStatus Main(int argc, char** argv) {
   IdentifyArguments arguments;
   CommandLine line("Finds a robot's model from its records, and says whether a motion suits it.",
@@ -619,6 +633,7 @@ ExitStatus Main(int argc, char** argv) {
   line.Parse(argc, argv);
   const std::string subcommand = line.given_subcommand();
   if (subcommand == "excite") return Excite(arguments);
+  if (subcommand == "fit") CheckHeldOut(argc, argv);
   return subcommand == "fit" ? Fit(arguments) : Gate(arguments);
 }
 

@@ -233,6 +233,13 @@ TEST(IdentifyProgram, ARecordOfAMotionForAnIdentifiedRobotIsFittedWithTheOthers)
                                   HasSubstr("the limits of the joint 'leg1' differ")));
 }
 
+TEST(IdentifyProgram, ARecordBehindTheOneThatIsHeldOutIsNotFitted) {
+  const Outcome outcome = Identify({"fit", "a.rec", "--held-out", "b.rec", "c.rec"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, AllOf(HasSubstr("--held-out"), HasSubstr("c.rec is behind it"),
+                                  HasSubstr("give the option again")));
+}
+
 TEST(IdentifyProgram, RecordsOfOtherDrivesAreRefusedNamingBoth) {
   const Records& of = Shared();
   const testing::TemporaryFolder folder;
