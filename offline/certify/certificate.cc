@@ -486,6 +486,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.objective = solution.rollout.cost;
   provenance.evaluations = outcome.evaluations;
   provenance.robot_file = PrintableInLine(task.robot_file);
+  if (!task.robot_change.empty()) provenance.robot_file += " " + task.robot_change;
   provenance.task_file = PrintableInLine(task.task_file);
   provenance.robot_urdf = task.robot_text;
   provenance.task_toml = task.task_text;

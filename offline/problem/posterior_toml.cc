@@ -27,12 +27,15 @@ constexpr std::array kPosteriorKeys = {
         .Required(),
     KeyOf<&PosteriorFile::chi>("chi", {0, 1e9}, "of the residuals, in units of their noise")
         .Required(),
-    KeyOf<&PosteriorFile::chi_max>("chi_max", {0, 1e9}, "its limit").Required(),
+    KeyOf<&PosteriorFile::chi_max>("chi_max", {0, 1e9}, "its limit; 0: not known")
+        .Default("not known"),
     KeyOf<&PosteriorFile::weighed>("weighed", "otherwise masses and forces are in the drives' N m")
         .Required(),
     KeyOf<&PosteriorFile::weight_kg>("weight_kg", {0, 1e5}, "what the scale said")
         .Default("it was not weighed, or the file does not say"),
-    KeyOf<&PosteriorFile::records>("records", "that were fitted, for people").Allowed("names"),
+    KeyOf<&PosteriorFile::records>("records",
+                                   "that were fitted; `--prior` reads those that are there again")
+        .Allowed("paths from the file's folder"),
     KeyOf<&PosteriorFile::fingerprints>("fingerprints",
                                         "of what these records say, so that none counts twice")
         .Default("not known")
@@ -225,6 +228,12 @@ PosteriorFile Read(TomlTable root, const Scene* scene) {
   PosteriorFile file;
   ReadKeys(root, kPosteriorKeys, file);
   ReadKeys(root, kPosteriorRateKeys, file.drives);
+  if (!file.effective && file.chi_max > 0 && file.chi > file.chi_max) {
+    root.Fail("effective",
+              fmt::format("is false, but chi is {:.6g}, and its limit {:.6g}; allowed: true, as "
+                          "tumbler identify fit has written it",
+                          file.chi, file.chi_max));
+  }
   if (file.weight_kg > 0 && !file.weighed)
     root.Fail("weight_kg", "is there, but weighed is false; allowed: with weighed = true");
   if (!file.fingerprints.empty() && file.fingerprints.size() != file.records.size()) {

@@ -42,8 +42,10 @@ struct PosteriorFile {
   double chi = 0, chi_max = 0;
   /// Whether the robot was weighed. Otherwise masses and forces are in the drives' newton metres.
   bool weighed = false;
-  double weight_kg = 0;              ///< What the scale said; 0: it was not weighed.
-  std::vector<std::string> records;  ///< Names, for people.
+  double weight_kg = 0;  ///< What the scale said; 0: it was not weighed.
+  /// The files that were fitted, as paths from the folder of this file. A fit of further records
+  /// reads them again where they are still there.
+  std::vector<std::string> records;
   /// Of what the records have to say, in their order (RecordedMotion::Fingerprint).
   std::vector<std::string> fingerprints;
   PosteriorDrives drives;

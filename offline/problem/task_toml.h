@@ -17,6 +17,8 @@ struct Task {
   std::string task_file;
   std::string task_text;
   std::string robot_file;
+  /// How robot_text was changed from what that file has, as motions are to say; empty: it was not.
+  std::string robot_change;
   /// The URDF. Meshes that are in contact are points in it, so that their files are not needed.
   std::string robot_text;
   /// What `robot_text` was made of, with the meshes; the same where none is in contact.

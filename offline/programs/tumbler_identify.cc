@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/files/command_line.h"
@@ -24,6 +25,7 @@
 #include "offline/studies/identified_model.h"
 #include "offline/studies/identify_page.h"
 #include "offline/studies/recorded_motion.h"
+#include "offline/studies/recorded_robot.h"
 #include "offline/studies/robot_fit.h"
 #include "offline/studies/stated_motors.h"
 
@@ -112,21 +114,14 @@ ExitStatus Excite(const IdentifyArguments& arguments) {
   return ExitStatus::kDone;
 }
 
-void CheckOneRobot(const std::vector<RecordedMotion>& records) {
+/// Makes all records those of the first one's model.
+void TakeOneModel(std::vector<RecordedMotion>& records) {
+  for (RecordedMotion& record : records) TakeModelOf(records.front(), record);
+}
+
+void CheckOneKindOfDrives(const std::vector<RecordedMotion>& records) {
   const RecordedMotion& first = records.front();
   for (const RecordedMotion& record : records) {
-    if (record.robot_text != first.robot_text) {
-      throw std::invalid_argument(fmt::format(
-          "{}: is of another robot than {}: their motions were made for {} and {}, which differ; "
-          "give records of motions of one URDF",
-          record.name, first.name, record.robot_file, first.robot_file));
-    }
-    if (!(record.scene.contact == first.scene.contact)) {
-      throw std::invalid_argument(
-          fmt::format("{}: its motion was made for another ground than that of {}; give records of "
-                      "motions whose tasks have one [contact]",
-                      record.name, first.name));
-    }
     const std::string difference =
         DifferenceOf(FactsOf(record.drives), FactsOf(first.drives), true);
     if (!difference.empty()) {
@@ -217,10 +212,23 @@ void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
         "not weighed: masses and forces are as the drives' newton metres are; a torque "
         "constant that is off scales all of them (--weight-kg)\n");
   }
-  if (fit.effective) {
+  if (fit.chi > settings.chi_max) {
     fmt::print(
         "an EFFECTIVE model: it does not explain the records, and its quantities are not the "
         "robot's\n");
+  }
+  if (fit.moved_max > 0) {
+    fmt::print("moved by {:.3g} from the prior, squared and in its own metric (limit {:.3g})\n",
+               fit.moved, fit.moved_max);
+  }
+  if (fit.strays()) {
+    fmt::print(
+        "NOT TO BE TRUSTED, and called an effective model: so far from the prior's robot its "
+        "records may say other things than is known of them; fit all records at once\n");
+  }
+  for (const std::string& cause : fit.causes) fmt::print("{}\n", cause);
+  if (fit.effective && fit.chi <= settings.chi_max && !fit.strays()) {
+    fmt::print("an EFFECTIVE model: it explains the records, but need not be the robot\n");
   }
 }
 
@@ -267,9 +275,140 @@ PosteriorFile LoadPrior(const IdentifyArguments& arguments, const RecordedMotion
   return before;
 }
 
+/// The records of a posterior, where all of them are still there.
+struct EarlierRecords {
+  std::vector<RecordedMotion> records;
+  std::string missing;  ///< In words, why they cannot be fitted again; empty: they can.
+};
+
+EarlierRecords ReadEarlier(const PosteriorFile& before, const std::string& before_name,
+                           const ReadingSettings& reading) {
+  EarlierRecords earlier;
+  const auto cannot = [&earlier](const std::string& why) {
+    earlier.records.clear();
+    earlier.missing = why;
+    return earlier;
+  };
+  if (before.fingerprints.empty()) return cannot("it does not tell by what they are known again");
+  if (before.weighed && before.weight_kg == 0) return cannot("it does not tell the robot's weight");
+  for (std::size_t i = 0; i < before.records.size(); ++i) {
+    const std::string path =
+        (fs::path(before_name).parent_path() / before.records[i]).lexically_normal().string();
+    if (!fs::exists(path)) return cannot(path + " is not there");
+    try {
+      earlier.records.push_back(ReadRecordedMotion(path, reading));
+    } catch (const std::exception& error) {
+      return cannot(error.what());
+    }
+    if (earlier.records.back().Fingerprint() != before.fingerprints[i])
+      return cannot(path + " is another record now, or is read with other --encoder-counts");
+  }
+  return earlier;
+}
+
+/// Names of records as paths from a folder.
+std::string FromFolder(const std::string& record, const std::string& folder) {
+  return fs::proximate(record, folder).string();
+}
+
+/// What `tumbler identify fit` fits, and with what.
+struct FitInputs {
+  std::vector<RecordedMotion> records;  ///< Of one model; those of the prior first.
+  std::vector<RecordedMotion> held_out;
+  std::vector<std::string> names, fingerprints;  ///< Of all that the posterior knows, in its order.
+  std::optional<PosteriorFile> before;
+  EarlierRecords earlier;
+  FitPrior prior;
+  FitSettings settings;
+  bool weighed = false;
+  double weight_kg = 0;  ///< What a scale said, now or before.
+  /// Of the records that are given now, which a corrected drives file begins from.
+  PosteriorDrives drives;
+  DrivesConfig drives_config;
+  std::string drives_text, drives_file;
+};
+
+/// Puts the records of the prior before the others, or lets the fit go on from what it says of
+/// them.
+void TakePrior(const IdentifyArguments& arguments, const ReadingSettings& reading,
+               FitInputs& inputs) {
+  const PosteriorFile& before = *inputs.before;
+  for (std::size_t i = 0; i < before.records.size(); ++i) {
+    const fs::path record = fs::path(arguments.prior).parent_path() / before.records[i];
+    inputs.names.push_back(arguments.out.empty() ? record.string()
+                                                 : FromFolder(record.string(), arguments.out));
+  }
+  inputs.fingerprints = before.fingerprints;
+  if (inputs.weight_kg == 0) inputs.weight_kg = before.weight_kg;
+  inputs.earlier = ReadEarlier(before, arguments.prior, reading);
+  for (RecordedMotion& record : inputs.earlier.records) TakeZerosOf(inputs.drives_config, record);
+  inputs.records.insert(inputs.records.begin(), inputs.earlier.records.begin(),
+                        inputs.earlier.records.end());
+}
+
+FitInputs InputsOf(const IdentifyArguments& arguments) {
+  ReadingSettings reading;
+  reading.encoder_counts_per_turn = arguments.encoder_counts;
+  const auto read = [&](const std::vector<std::string>& paths) {
+    std::vector<RecordedMotion> records;
+    for (const std::string& path : paths) records.push_back(ReadRecordedMotion(path, reading));
+    return records;
+  };
+  FitInputs inputs;
+  inputs.records = read(arguments.records);
+  inputs.weight_kg = arguments.weight_kg;
+  inputs.weighed = arguments.weight_kg > 0;
+  const RecordedMotion& first = inputs.records.front();
+  inputs.drives = FactsOf(first.drives);
+  inputs.drives_config = first.drives;
+  inputs.drives_text = first.drives_text;
+  inputs.drives_file = first.drives_file;
+  std::vector<RecordedMotion> all = inputs.records;
+  for (RecordedMotion& record : read(arguments.held_out)) all.push_back(std::move(record));
+  CheckOneKindOfDrives(all);
+  TakeOneModel(all);
+  if (!arguments.prior.empty()) {
+    // A weight that the posterior has need not be given again.
+    inputs.weighed = LoadPosterior(arguments.prior).weighed || inputs.weighed;
+    inputs.before = LoadPrior(arguments, first, PriorOfRecords(inputs.records, inputs.weighed));
+  }
+  CheckNoneTwice(all, inputs.before ? &*inputs.before : nullptr, arguments.prior);
+  const std::size_t given = inputs.records.size();
+  if (inputs.before) TakePrior(arguments, reading, inputs);
+  for (std::size_t i = 0; i < given; ++i) {
+    inputs.names.push_back(arguments.out.empty() ? all[i].name
+                                                 : FromFolder(all[i].name, arguments.out));
+    inputs.fingerprints.push_back(all[i].Fingerprint());
+  }
+  const std::size_t fitted = inputs.records.size();
+  inputs.records.insert(inputs.records.end(), all.begin() + static_cast<std::ptrdiff_t>(given),
+                        all.end());
+  TakeOneModel(inputs.records);
+  if (inputs.before) {
+    // Quantities go on from where the first fit began.
+    for (RecordedMotion& record : inputs.records) TakeStated(inputs.before->drives, record);
+  }
+  inputs.held_out.assign(inputs.records.begin() + static_cast<std::ptrdiff_t>(fitted),
+                         inputs.records.end());
+  inputs.records.resize(fitted);
+  inputs.prior = PriorOfRecords(inputs.records, inputs.weighed);
+  inputs.settings.weight_kg = inputs.weight_kg;
+  if (!inputs.before) return inputs;
+  if (inputs.earlier.missing.empty()) {
+    inputs.settings.begin = inputs.before->posterior.mean;
+  } else {
+    inputs.prior.known = inputs.before->posterior;
+    inputs.prior.earlier = inputs.before->information;
+    inputs.prior.first_deviations = inputs.before->prior_deviations;
+    inputs.prior.weighed = inputs.before->weighed;
+  }
+  return inputs;
+}
+
 /// Writes the folder of a model.
 void WriteModel(const IdentifyArguments& arguments, const PosteriorFile& file,
-                const RecordedMotion& first, const std::string& page) {
+                const FitInputs& inputs, const std::string& page) {
+  const RecordedMotion& first = inputs.records.front();
   std::string urdf =
       IdentifiedUrdf(first.robot_text, first.robot_file, first.scene, file.posterior);
   if (file.effective) {
@@ -284,7 +423,7 @@ void WriteModel(const IdentifyArguments& arguments, const PosteriorFile& file,
   files.Add(beside("robot.urdf"), urdf);
   files.Add(beside("ground.toml"), GroundOf(file, first.scene.contact));
   files.Add(beside("drives.toml"),
-            CorrectedDrives(first.drives_text, first.drives_file, first.drives, file));
+            CorrectedDrives(inputs.drives_text, inputs.drives_file, inputs.drives_config, file));
   files.Add(beside("twin.toml"), TwinOf(file));
   files.Add(beside("index.html"), page);
   files.Commit();
@@ -292,88 +431,65 @@ void WriteModel(const IdentifyArguments& arguments, const PosteriorFile& file,
              arguments.out);
 }
 
+/// Says how a prior is gone on from.
+void PrintPrior(const FitInputs& inputs, const std::string& prior) {
+  if (!inputs.before) return;
+  if (inputs.earlier.missing.empty()) {
+    fmt::print("{}: its {} records are fitted again, together with the new ones\n", prior,
+               inputs.earlier.records.size());
+    return;
+  }
+  fmt::print(
+      "{}: goes on from what it says of its records, which holds near its robot only, for they "
+      "cannot be fitted again: {}\n",
+      prior, inputs.earlier.missing);
+}
+
 ExitStatus Fit(const IdentifyArguments& arguments) {
   std::atomic<bool>& end = EndOnSignals();
-  ReadingSettings reading;
-  reading.encoder_counts_per_turn = arguments.encoder_counts;
-  const auto read = [&](const std::vector<std::string>& paths) {
-    std::vector<RecordedMotion> records;
-    for (const std::string& path : paths) records.push_back(ReadRecordedMotion(path, reading));
-    return records;
-  };
-  std::vector<RecordedMotion> records = read(arguments.records);
-  std::vector<RecordedMotion> held_out = read(arguments.held_out);
-  std::vector<RecordedMotion> all = records;
-  all.insert(all.end(), held_out.begin(), held_out.end());
-  CheckOneRobot(all);
-  FitSettings settings;
-  settings.weight_kg = arguments.weight_kg;
+  FitInputs inputs = InputsOf(arguments);
+  FitSettings& settings = inputs.settings;
   settings.interrupt = &end;
   if (!arguments.quiet)
     settings.say = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
-  std::optional<PosteriorFile> before;
-  bool weighed = arguments.weight_kg > 0;
-  if (!arguments.prior.empty()) {
-    // A weight that the posterior has need not be given again.
-    weighed = LoadPosterior(arguments.prior).weighed || weighed;
-    before = LoadPrior(arguments, records.front(), PriorOfRecords(records, weighed));
-  }
-  CheckNoneTwice(all, before ? &*before : nullptr, arguments.prior);
-  if (before) {
-    // Quantities go on from where the first fit began.
-    for (RecordedMotion& record : records) TakeStated(before->drives, record);
-    for (RecordedMotion& record : held_out) TakeStated(before->drives, record);
-  }
-  FitPrior prior = PriorOfRecords(records, weighed);
-  if (before) {
-    prior.known = before->posterior;
-    prior.earlier = before->information;
-    prior.first_deviations = before->prior_deviations;
-    prior.weighed = before->weighed;
-  }
   if (!arguments.out.empty()) CheckFolderWritable(arguments.out);
-  for (const RecordedMotion& record : all) PrintReadings(record);
-  const FitOutcome fit = FitRobot(records, prior, settings);
+  PrintPrior(inputs, arguments.prior);
+  for (const auto* records : {&inputs.records, &inputs.held_out})
+    for (const RecordedMotion& record : *records) PrintReadings(record);
+  const FitOutcome fit = FitRobot(inputs.records, inputs.prior, settings);
   if (fit.interrupted) {
     fmt::print(stderr, "interrupted: no file was written\n");
     return ExitStatus::kInterrupted;
   }
   PrintFit(fit, settings);
-  PrintFarOff(fit.posterior, prior.known);
+  PrintFarOff(fit.posterior, inputs.prior.known);
   std::vector<FitResiduals> predicted;
-  if (!held_out.empty()) {
-    predicted = ResidualsOf(held_out, fit.posterior, settings.per_tick);
+  if (!inputs.held_out.empty()) {
+    predicted = ResidualsOf(inputs.held_out, fit.posterior, settings.per_tick);
     for (const FitResiduals& record : predicted)
       fmt::print("{} was held out: chi {:.3g}\n", record.record, record.chi);
   }
   if (!arguments.out.empty()) {
     PosteriorFile file;
-    if (before) {
-      file.records = before->records;
-      file.fingerprints = before->fingerprints;
-      file.weight_kg = before->weight_kg;
-    }
     file.posterior = fit.posterior;
     file.information = fit.information;
     file.prior_deviations = fit.first_deviations;
     file.effective = fit.effective;
     file.chi = fit.chi;
     file.chi_max = settings.chi_max;
-    file.weighed = weighed;
-    if (arguments.weight_kg > 0) file.weight_kg = arguments.weight_kg;
-    for (const RecordedMotion& record : records) {
-      file.records.push_back(fs::path(record.name).filename().string());
-      file.fingerprints.push_back(record.Fingerprint());
-    }
-    file.drives = FactsOf(records.front().drives);
+    file.weighed = inputs.weighed;
+    file.weight_kg = inputs.weight_kg;
+    file.records = inputs.names;
+    file.fingerprints = inputs.fingerprints;
+    file.drives = inputs.drives;
     for (std::size_t j = 0; j < file.drives.of_joint.size(); ++j) {
-      const MotorFacts& stated = records.front().joints[j].motor;
+      const MotorFacts& stated = inputs.records.front().joints[j].motor;
       PosteriorDrive& drive = file.drives.of_joint[j];
       drive.torque_factor = stated.torque_factor;
       drive.torque_time_constant_s = stated.torque_time_constant_s;
       drive.velocity_filter_s = stated.velocity_filter_s;
     }
-    WriteModel(arguments, file, records.front(), IdentifyPage(fit, settings, predicted));
+    WriteModel(arguments, file, inputs, IdentifyPage(fit, settings, predicted));
   }
   return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
@@ -435,6 +551,19 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   return outcome.open() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
+/// Refuses a record behind that of --held-out: it would be fitted, which may not be meant.
+void CheckHeldOut(int argc, char** argv) {
+  constexpr std::string_view kOption = "--held-out";
+  for (int i = 1; i + 2 < argc; ++i) {
+    if (argv[i] != kOption || argv[i + 2][0] == '-') continue;
+    throw UsageError(
+        std::string(kOption),
+        fmt::format("takes one record each time, and {} is behind it; to hold that out, too, give "
+                    "the option again, and records that are fitted before it",
+                    argv[i + 2]));
+  }
+}
+
 ExitStatus Main(int argc, char** argv) {
   IdentifyArguments arguments;
   CommandLine line("Finds a robot's model from its records, and says whether a motion suits it.",
@@ -476,7 +605,7 @@ ExitStatus Main(int argc, char** argv) {
   fit.Option("--prior", arguments.prior,
              "Posterior of earlier records of this robot; the new ones are taken into account");
   fit.Option("--held-out", arguments.held_out,
-             "Records that are not fitted, but predicted, for the page")
+             "A record that is not fitted, but predicted, for the page; once for each")
       .TakesOneValueEachTime();
   fit.Option("--encoder-counts", arguments.encoder_counts,
              "Of the drives' encoders for a turn of their shaft; 0: exact")
@@ -504,6 +633,7 @@ ExitStatus Main(int argc, char** argv) {
   line.Parse(argc, argv);
   const std::string subcommand = line.given_subcommand();
   if (subcommand == "excite") return Excite(arguments);
+  if (subcommand == "fit") CheckHeldOut(argc, argv);
   return subcommand == "fit" ? Fit(arguments) : Gate(arguments);
 }
 

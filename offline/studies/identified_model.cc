@@ -73,10 +73,12 @@ Task IdentifiedTask(const Task& given, const PosteriorFile& file) {
     if (value)
       text = WithNumber(text, given.task_file, std::string("contact.") + ground.key, *value);
   }
-  return ParseTask(
+  Task task = ParseTask(
       text, given.task_file,
       IdentifiedUrdf(given.robot_text, given.robot_file, given.problem.scene, file.posterior),
       given.robot_file);
+  task.robot_change = "as identified";
+  return task;
 }
 
 namespace {

@@ -14,7 +14,7 @@ std::string IdentifiedUrdf(const std::string& robot_text, const std::string& rob
                            const Scene& scene, const RobotPosterior& posterior);
 
 /// A task of the robot that was identified: with its URDF, and its ground in `[contact]`. All else
-/// of the text stays.
+/// of the text stays. Its motions say that their URDF is that of the robot's file as identified.
 /// @throws FileError  when `[contact]` does not give a property of the ground as a number.
 Task IdentifiedTask(const Task& given, const PosteriorFile& file);
 

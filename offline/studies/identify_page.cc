@@ -90,13 +90,25 @@ std::string IdentifyPage(const FitOutcome& fit, const FitSettings& settings,
                                    "--bar: #5aa9ee; --warn: #ff7b6e;", kStyle);
   page += "<h1>Identified robot</h1>\n";
   page += fmt::format("<p>chi {:.3g}, limit {:.3g}</p>\n", fit.chi, settings.chi_max);
-  if (fit.effective) {
+  if (fit.chi > settings.chi_max) {
     page +=
         "<p class=\"warn\"><b>An effective model.</b> It moves as the robot did in these records, "
         "but "
         "does not explain them: physics or wire are not as modelled, and these are not the robot's "
         "quantities.</p>\n";
+  } else if (fit.effective) {
+    page +=
+        "<p class=\"warn\"><b>An effective model.</b> It explains these records, but is not to be "
+        "trusted: these need not be the robot's quantities.</p>\n";
   }
+  if (fit.strays()) {
+    page += fmt::format(
+        "<p class=\"warn\">It is far from the prior's robot, {:.3g} with a limit of {:.3g}: the "
+        "prior's records may say other things than is known of them.</p>\n",
+        fit.moved, fit.moved_max);
+  }
+  for (const std::string& cause : fit.causes)
+    page += fmt::format("<p class=\"warn\">{}</p>\n", MarkupText(cause));
   if (!fit.weighed) {
     page +=
         "<p>The robot was not weighed. Masses, friction, stiffness and damping scale with what a "

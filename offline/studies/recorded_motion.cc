@@ -20,6 +20,7 @@
 #include "offline/twin/simulated_robot.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/record/flight_record.h"
+#include "runtime/record/record_export.h"
 #include "runtime/record/recorded_assembly.h"
 
 namespace tumbler {
@@ -114,6 +115,13 @@ RecordedDrive DriveOf(const DriveEntry& entry, double torque_max_nm,
   return drive;
 }
 
+/// Whether a drive samples its joint as this frame ends.
+bool SamplesAt(const DriveConfig& drive, const CanFrame& frame) {
+  return DriveProtocols::With(drive, [&frame](auto protocol, const auto& config) {
+    return decltype(protocol)::SamplesAt(config, frame);
+  });
+}
+
 /// What is kept of a tick until the next one brings the replies.
 struct KeptTick {
   ExecutorState state = ExecutorState::kDisarmed;
@@ -129,7 +137,10 @@ struct KeptTick {
 class Reader {
  public:
   Reader(const std::string& path, const ReadingSettings& settings)
-      : settings_(settings), file_(path), record_(file_.bytes(), path) {}
+      : settings_(settings),
+        file_(path),
+        record_(file_.bytes(), path),
+        timed_(record_.configuration()) {}
 
   RecordedMotion Read() {
     const RecordConfiguration& configuration = record_.configuration();
@@ -150,6 +161,7 @@ class Reader {
     result.task_text = first.provenance.task_toml;
     result.task_file = first.provenance.task_file;
     result.drives = parts.drives;
+    result.periods_with_ticks = configuration.virtual_time;
     result.drives_file = configuration.drives_file;
     if (!result.drives_file.empty()) result.drives_text = read(result.drives_file);
     // A robot that is simulated at a slower pace has its time: that of its drives' rate.
@@ -165,6 +177,8 @@ class Reader {
     for (const DriveEntry& drive : parts.drives.drives) {
       if (bank_.Add(drive.config) != Status::kOk) Fail("has drives that cannot be");
       counts_.push_back(CountsOf(drive, settings_));
+      configs_.push_back(drive.config);
+      answers_.push_back(false);
     }
     TakeTicks();
     Choose(result);
@@ -179,12 +193,13 @@ class Reader {
   void TakeTicks() {
     const auto entry = std::make_unique<TickEntry>();
     while (record_.Next(*entry)) {
-      if (!kept_.empty()) TakeReplies(*entry);
+      const TimedRecord timed = timed_.Next(*entry);
+      if (!kept_.empty()) TakeReplies(*entry, timed);
       kept_.push_back(Keep(*entry));
     }
   }
 
-  KeptTick Keep(const TickEntry& entry) const {
+  KeptTick Keep(const TickEntry& entry) {
     KeptTick kept;
     kept.state = entry.record.state;
     kept.tick = entry.tick;
@@ -197,8 +212,11 @@ class Reader {
       joint.setpoint = {static_cast<double>(encoded.position_rad),
                         static_cast<double>(encoded.velocity_rad_s),
                         static_cast<double>(encoded.torque_nm)};
-      joint.reading_rad = kUnanswered;
-      for (const CanFrame& frame : entry.frames[j].frames()) kept.host_bits += FrameBits(frame);
+      joint.reading_rad = joint.sampled_s = kUnanswered;
+      for (const CanFrame& frame : entry.frames[j].frames()) {
+        kept.host_bits += FrameBits(frame);
+        if (SamplesAt(configs_[j], frame)) answers_[j] = true;
+      }
       kept.arrival_bits.push_back(static_cast<double>(kept.host_bits - kIntermissionBits));
       kept.joints.push_back(joint);
     }
@@ -206,7 +224,7 @@ class Reader {
   }
 
   /// Gives what a tick has received to the ticks before it that were answered.
-  void TakeReplies(const TickEntry& next) {
+  void TakeReplies(const TickEntry& next, const TimedRecord& timed) {
     if (next.tick != kept_.back().tick + 1) return;
     std::vector<KeptTick*> answered(joints_, &kept_.back());
     for (std::size_t i = 0; i < next.received_count; ++i) {
@@ -227,16 +245,23 @@ class Reader {
       if (!fresh) continue;
       answered[j]->joints[j].reading_rad =
           counts_[j].Of(static_cast<double>(joint.measured.position_rad));
+      // Of what answers the tick before nothing tells when its frames ended.
+      if (answers_[j] && answered[j] != &kept_.back()) continue;
+      answered[j]->joints[j].sampled_s =
+          pace_ * (1e-6 * static_cast<double>(timed.reply_sampled_us[j]) +
+                   Seconds(timed.time_ns - answered[j]->deadline_ns));
     }
   }
 
   /// The tick whose setpoint a reply answers: the last one, unless that could not have come to the
-  /// drive and the reply back by then. So it is where a host is late by most of a period.
+  /// drive and the reply back by then. So it is where a host is late by most of a period. It is
+  /// reckoned from the tick: a robot that is simulated in real time stands still while it is
+  /// reckoned with, so that the clock has gone on when setpoints are sent.
   [[nodiscard]] KeptTick& Answered(const ReceivedFrame& received, std::size_t joint) {
     KeptTick& last = kept_.back();
     const double bits = last.arrival_bits[joint] +
                         static_cast<double>(FrameBits(received.frame) - kIntermissionBits);
-    const bool too_early = pace_ * Seconds(received.time_ns - last.send_ns) < bits * bit_s_;
+    const bool too_early = pace_ * Seconds(received.time_ns - last.deadline_ns) < bits * bit_s_;
     if (!too_early || kept_.size() < 2) return last;
     KeptTick& before = kept_[kept_.size() - 2];
     return before.tick + 1 == last.tick ? before : last;
@@ -281,6 +306,7 @@ class Reader {
       ++begins;
     }
     if (begins - holds < Ticks(settings_.hold_min_s, result)) {
+      result.rested = false;
       result.remarks.push_back(fmt::format(
           "the robot was held for {:.3g} s before its motion; it is taken to have rested, "
           "which takes {:.3g} s to see",
@@ -328,9 +354,10 @@ class Reader {
   /// How much later than the bus needs replies are read.
   void FindLateness(const Parts& parts, RecordedMotion& result) const {
     std::vector<double> late;
+    const bool all_answer = std::ranges::all_of(answers_, [](bool answers) { return answers; });
     for (std::size_t k = parts.holds; k < parts.end; ++k) {
       const KeptTick& kept = kept_[k];
-      if (kept.last_reply_ns != 0) {
+      if (kept.last_reply_ns != 0 && all_answer) {
         const double bus_s =
             bit_s_ * static_cast<double>(kept.host_bits + kept.reply_bits - kIntermissionBits);
         late.push_back(pace_ * Seconds(kept.last_reply_ns - kept.send_ns) - bus_s);
@@ -350,9 +377,12 @@ class Reader {
       KeptTick& kept = kept_[k];
       for (std::size_t j = 0; j < joints_; ++j) {
         RecordedJoint& joint = kept.joints[j];
-        joint.arrival_s = std::min(pace_ * Seconds(kept.send_ns - kept.deadline_ns) +
-                                       bit_s_ * kept.arrival_bits[j] + result.late_s,
-                                   result.tick_s);
+        // A drive that samples as its setpoint comes tells when that was.
+        const bool told = std::isfinite(joint.sampled_s) && answers_[j];
+        const double by_host_s = pace_ * Seconds(kept.send_ns - kept.deadline_ns) +
+                                 bit_s_ * kept.arrival_bits[j] + result.late_s;
+        joint.arrival_s = std::clamp(told ? joint.sampled_s : by_host_s, 0.0, result.tick_s);
+        if (!std::isfinite(joint.sampled_s)) joint.sampled_s = joint.arrival_s;
         arrivals[j].push_back(joint.arrival_s);
         answered += std::isfinite(joint.reading_rad) ? 1 : 0;
       }
@@ -412,6 +442,9 @@ class Reader {
   std::vector<KeptTick> kept_;
   DriveBank bank_;  ///< Tells whose replies are.
   std::vector<CountReader> counts_;
+  std::vector<DriveConfig> configs_;
+  std::vector<bool> answers_;  ///< Whether a drive samples as its setpoint comes.
+  TimedRecords timed_;         ///< Tells when replies were sampled.
   double bit_s_ = 0;
 };
 

@@ -15,9 +15,13 @@ namespace tumbler {
 struct RecordedJoint {
   LaneSetpoint<double> setpoint;  ///< As encoded on the wire.
   double reading_rad = 0;         ///< NaN: there was no reply to this setpoint in time.
-  /// From the tick to the end of the setpoint's frame on the wire, when the drive samples its joint
-  /// and takes the setpoint [s].
+  /// From the tick to the end of the setpoint's frame on the wire, when the drive takes the
+  /// setpoint [s]: by the time stamps of the reply, where the drive samples its joint then, or else
+  /// by when the host sent it.
   double arrival_s = 0;
+  /// From the tick to when the frame came at which the reading was sampled, or to when the drive
+  /// reported it by its own clock [s].
+  double sampled_s = 0;
 };
 
 /// How a joint's readings come about.
@@ -43,6 +47,9 @@ struct RecordedMotion {
   DrivesConfig drives;
   std::string drives_text, drives_file;  ///< Empty: DefaultDrives.
   double tick_s = 1e-3;
+  /// Whether periods of the drives' loops begin with the tick, as those of drives do that are
+  /// simulated in virtual time. Otherwise they may be anywhere.
+  bool periods_with_ticks = true;
   std::vector<RecordedDrive> joints;
   /// By tick and joint, from the beginning of the hold on: hold, motion, settling.
   std::vector<std::vector<RecordedJoint>> ticks;
@@ -50,6 +57,8 @@ struct RecordedMotion {
   /// What setpoints are late by, besides the time that frames take on the wire, by the time stamps
   /// of replies [s]; and its standard deviation over the ticks.
   double late_s = 0, late_sd_s = 0;
+  /// Whether the hold before the motion is long enough to show that the robot rested.
+  bool rested = true;
   std::vector<std::string> remarks;  ///< In words: what of the record was not used, and why.
 
   [[nodiscard]] std::size_t joint_count() const { return joints.size(); }

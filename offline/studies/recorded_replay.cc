@@ -20,7 +20,6 @@ struct Replaying {
   static constexpr double kBefore_s = 0.1;
   /// A drive's own loop: it acts on what it sampled at the beginning of a period, answers with
   /// that, and a setpoint takes effect in the next one. 20 kHz is what drives have, and the twin.
-  /// Periods are taken to begin with the tick.
   static constexpr double kDriveLoop_s = 50e-6;
   /// What no part of the model says. (Lanes at 20 steps in a millisecond are off by less.)
   static constexpr double kModelNoise_rad = 1e-4;
@@ -33,10 +32,12 @@ double Between(double q0, double v0, double q1, double v1, double h, double part
   return r * r * (1 + 2 * s) * q0 + s * s * (1 + 2 * r) * q1 + h * s * r * (r * v0 - s * v1);
 }
 
-/// When a drive samples the position with which it answers a frame, from the tick on [s].
-double SampledAfter(double arrival_s) {
+/// When a drive samples the position with which it answers a frame, from the tick on [s]. Where
+/// nothing tells when its periods begin it is half a period before, on the average.
+double SampledAfter(double frame_s, bool periods_with_ticks) {
+  if (!periods_with_ticks) return frame_s - 0.5 * Replaying::kDriveLoop_s;
   constexpr double kRounding = 1e-6;  // of a period
-  return Replaying::kDriveLoop_s * std::floor(arrival_s / Replaying::kDriveLoop_s + kRounding);
+  return Replaying::kDriveLoop_s * std::floor(frame_s / Replaying::kDriveLoop_s + kRounding);
 }
 
 }  // namespace
@@ -179,7 +180,8 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
       for (std::size_t j = 0; j < joints; ++j, ++i) {
         const RecordedJoint& joint = motion_.ticks[k][j];
         if (!std::isfinite(joint.reading_rad)) continue;
-        const double after_s = SampledAfter(joint.arrival_s) + sampling[lane].lag_s;
+        const double after_s =
+            SampledAfter(joint.sampled_s, motion_.periods_with_ticks) + sampling[lane].lag_s;
         const double ticks = static_cast<double>(k) + after_s / motion_.tick_s;
         const double whole =
             std::clamp(std::floor(ticks), 0.0, static_cast<double>(motion_.ticks.size() - 1));

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <stdexcept>
+#include <variant>
 
 #include "common/core/functions.h"
 #include "offline/scene/normal.h"
@@ -459,6 +460,51 @@ RobotInformation InformationOf(const Objective& objective, const About& about) {
   return information;
 }
 
+/// How much of the objective of earlier records a robot loses against its minimum, twice: a sum of
+/// squares of normal numbers for the robot of these records, where the objective is as quadratic as
+/// it is taken to be.
+double LostOf(const RobotInformation& earlier, const std::vector<double>& robot) {
+  const std::size_t n = robot.size();
+  double sum = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < n; ++k) {
+      sum += (robot[i] - earlier.centre[i]) * earlier.hessian[i * n + k] *
+             (robot[k] - earlier.centre[k]);
+    }
+  }
+  return sum;
+}
+
+/// What a sum of n squares of normal numbers is above once in a thousand times (Wilson and
+/// Hilferty).
+double ChiSquaredLimit(std::size_t n) {
+  constexpr double kNormal = 3.09;
+  const double part = 2 / (9 * static_cast<double>(n)), root = 1 - part + kNormal * std::sqrt(part);
+  return static_cast<double>(n) * root * root * root;
+}
+
+/// Finds what is known to be amiss with records, and calls the model of what is not modelled
+/// effective.
+void NoteCauses(std::span<const RecordedMotion> records, double chi_max, FitOutcome& outcome) {
+  const bool explained = outcome.chi <= chi_max;
+  for (const DriveEntry& drive : records.front().drives.drives) {
+    if (std::holds_alternative<MitConfig>(drive.config)) continue;
+    outcome.effective = true;
+    outcome.causes.push_back(fmt::format(
+        "the drive of {} is none of MIT: when it takes setpoints, and what it does with them "
+        "until the next, is not modelled",
+        drive.joint));
+    break;
+  }
+  for (const RecordedMotion& record : records) {
+    if (record.rested || explained) continue;
+    outcome.causes.push_back(
+        fmt::format("{} does not show that the robot rested before its motion; if it did not, "
+                    "that may be why: hold it still for half a second",
+                    record.name));
+  }
+}
+
 }  // namespace
 
 double FitOutcome::ShareLeft(std::size_t quantity) const {
@@ -525,16 +571,20 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   Fitter fitter(objective, settings);
   Found best;
   const auto chi_of = [&](const Found& found) { return ChiOf(Split(objective, found.residuals)); };
-  for (int start = 0; start < settings.starts && !fitter.Interrupted(); ++start) {
+  const int before = settings.begin.empty() ? 0 : -1;
+  for (int start = before; start < settings.starts && !fitter.Interrupted(); ++start) {
     VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
-    Normal normal(1, static_cast<std::uint64_t>(start));
-    for (std::size_t i = 0; start > 0 && i < prior.known.size(); ++i)
-      u[ToIndex(i)] = normal.Draw() * prior.known.DeviationOf(i) / objective.deviations()[i];
+    Normal normal(1, static_cast<std::uint64_t>(std::max(start, 0)));
+    for (std::size_t i = 0; start != 0 && i < prior.known.size(); ++i) {
+      const double off = start < 0 ? settings.begin[i] - prior.known.mean[i]
+                                   : normal.Draw() * prior.known.DeviationOf(i);
+      u[ToIndex(i)] = off / objective.deviations()[i];
+    }
     const Found found = fitter.From(objective.Allowed(u));
     ++outcome.starts;
     if (found.value < best.value || best.u.size() == 0) best = found;
     if (chi_of(best) <= settings.chi_max) break;
-    if (start > 0 || records.size() == 1 || fitter.Interrupted()) continue;
+    if (start != 0 || records.size() == 1 || fitter.Interrupted()) continue;
     const Found grown = fitter.From(objective.Allowed(GrowFromFirst(records, prior, settings)));
     ++outcome.starts;
     if (grown.value < best.value) best = grown;
@@ -580,6 +630,12 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     }
   }
   outcome.evaluations = objective.evaluations();
+  if (!prior.earlier.empty()) {
+    outcome.moved = LostOf(prior.earlier, outcome.posterior.mean);
+    outcome.moved_max = ChiSquaredLimit(n);
+    outcome.effective = outcome.effective || outcome.strays();
+  }
+  NoteCauses(records, settings.chi_max, outcome);
   return outcome;
 }
 

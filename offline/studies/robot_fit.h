@@ -31,6 +31,9 @@ struct FitSettings {
   double weight_kg = 0;
   /// Standard deviation of the scale's logarithm.
   double weight_sd = 1e-3;
+  /// Coordinates of a robot from which a fit is begun before any other; empty: the prior's mean is
+  /// the first.
+  std::vector<double> begin;
   std::function<void(const std::string&)> say;  ///< Told of progress; may be empty.
   const std::atomic<bool>* interrupt = nullptr;
 };
@@ -68,11 +71,20 @@ struct FitOutcome {
   /// Whether chi is above its limit: physics, or the wire, are not as modelled, and the quantities
   /// are those of a robot that only moves as this one did.
   bool effective = false;
+  /// With what earlier records say: how far the robot is from the one that these alone tell,
+  /// squared, in the metric of their Hessian, and the limit of it, which so many normal numbers are
+  /// above once in a thousand times. Beyond it the earlier records may say other things than is
+  /// known of them, and the model is called effective. 0: without.
+  double moved = 0, moved_max = 0;
+  /// In words, what is known to be amiss with an effective model's records.
+  std::vector<std::string> causes;
   bool weighed = false;
   int starts = 0;       ///< Of which the best was taken.
   int evaluations = 0;  ///< Robots that were played through all records.
   bool interrupted = false;
 
+  /// Whether it is too far from the earlier robot.
+  [[nodiscard]] bool strays() const { return moved > moved_max; }
   /// The part of a quantity's first deviation that is left.
   [[nodiscard]] double ShareLeft(std::size_t quantity) const;
   /// Whether the records tell a quantity.
@@ -86,7 +98,8 @@ struct FitOutcome {
 /// what a block of them says together counts as one observation.
 ///
 /// With what earlier records say, the outcome is that of one fit of all records, but for what is no
-/// linear function of the robot.
+/// linear function of the robot. What they say holds near the earlier robot only: of an outcome
+/// that is too far from it nothing is to be believed, and it is called effective.
 /// @param records  of one robot; each has the prior's links and joints.
 /// @throws std::invalid_argument  when a record has another robot.
 FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& prior,

@@ -26,6 +26,7 @@
 #include "offline/studies/gate.h"
 #include "offline/studies/identified_model.h"
 #include "offline/studies/recorded_motion.h"
+#include "offline/studies/recorded_robot.h"
 #include "offline/studies/robot_fit.h"
 #include "tests/support/files.h"
 #include "tests/support/hidden_robot.h"
@@ -362,25 +363,21 @@ std::string Study::MotionFor(const PosteriorFile& known, const std::string& fold
   return passes(motion) ? motion : "";
 }
 
-/// What the earlier records say and those of another motion, and of the motion that was tried, if
+/// One fit of the earlier records and those of another motion, and of the motion that was tried, if
 /// any.
 FitOutcome Study::FitAgain(const testing::HiddenRobot& robot, const Known& known,
                            const std::string& folder, const std::string& tried) const {
-  std::vector<RecordedMotion> records;
+  std::vector<RecordedMotion> records = known.records;
   for (const std::string& motion : {settings_.further, tried}) {
     if (motion.empty()) continue;
     const std::string file = folder + fmt::format("/again{}.rec", records.size());
     RunsOf(motion).Record(robot, file);
     records.push_back(ReadRecordedMotion(file));
+    TakeModelOf(records.front(), records.back());
   }
-  const FitOutcome& fit = known.fit;
-  if (!fit.effective) {
-    return FitRobot(records, {fit.posterior, fit.information, fit.first_deviations, fit.weighed},
-                    known.settings);
-  }
-  // What does not explain its records is no prior.
-  records.insert(records.begin(), known.records.begin(), known.records.end());
-  return FitRobot(records, PriorOfRecords(records, fit.weighed), known.settings);
+  FitSettings settings = known.settings;
+  if (!known.fit.effective) settings.begin = known.fit.posterior.mean;
+  return FitRobot(records, PriorOfRecords(records, known.fit.weighed), settings);
 }
 
 /// The whole procedure, as the guide has it. An effective model is tried on no
@@ -409,9 +406,8 @@ void Study::Try(const testing::HiddenRobot& robot, const Known& known, const std
   fmt::print("  {}: {}\n", which, motion.empty() ? "refused" : "FELL");
   if (settings_.further.empty()) return;
   tried_.insert(motion);
-  // The record of a motion for another model than the first is none of this fit.
   const double start = CpuSeconds();
-  const FitOutcome again = FitAgain(robot, known, folder, found_anew ? "" : motion);
+  const FitOutcome again = FitAgain(robot, known, folder, motion);
   file.posterior = again.posterior;
   file.effective = again.effective;
   file.chi = again.chi;

@@ -3,6 +3,7 @@
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -16,7 +17,9 @@
 #include "common/files/result_file.h"
 #include "firmware_interface/devices/drives_toml.h"
 #include "offline/problem/posterior_toml.h"
+#include "offline/problem/simulated_motion.h"
 #include "offline/studies/excitation.h"
+#include "offline/studies/identified_model.h"
 #include "offline/studies/recorded_motion.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/flight_recorder.h"
@@ -107,8 +110,134 @@ TEST(IdentifyProgram, ARecordThatIsGivenTwiceIsRefusedByName) {
   // Another record of the robot is another one.
   const Outcome both = Identify({"fit", of.sway(), "--prior", of.posterior(), "--out", out});
   EXPECT_EQ(both.exit_code, 0) << both.text;
-  EXPECT_EQ(LoadPosterior(out + "/posterior.toml").records,
-            (std::vector<std::string>{"rise.rec", "stand.rec"}));
+  const PosteriorFile file = LoadPosterior(out + "/posterior.toml");
+  ASSERT_EQ(file.records.size(), 2U);
+  EXPECT_TRUE(fs::equivalent(fs::path(out) / file.records[0], of.back())) << file.records[0];
+  EXPECT_TRUE(fs::equivalent(fs::path(out) / file.records[1], of.sway())) << file.records[1];
+}
+
+TEST(IdentifyProgram, APriorWhoseRecordsAreThereLeadsToTheRobotOfOneFitOfAll) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string again = folder / "again", once = folder / "once", deep = folder / "deep";
+  const Outcome fit = Identify({"fit", of.sway(), "--prior", of.posterior(), "--out", again});
+  ASSERT_EQ(fit.exit_code, 0) << fit.text;
+  EXPECT_THAT(fit.text, HasSubstr("its 1 records are fitted again"));
+  ASSERT_EQ(Identify({"fit", of.back(), of.sway(), "--out", once}).exit_code, 0);
+  const PosteriorFile a = LoadPosterior(again + "/posterior.toml");
+  const PosteriorFile b = LoadPosterior(once + "/posterior.toml");
+  ASSERT_EQ(a.posterior.quantities, b.posterior.quantities);
+  for (std::size_t i = 0; i < a.posterior.size(); ++i) {
+    // Both are minima of one function, begun from two robots.
+    const double deviation = b.posterior.DeviationOf(i);
+    EXPECT_NEAR(a.posterior.mean[i], b.posterior.mean[i], 0.2 * deviation) << i;
+    EXPECT_NEAR(a.posterior.DeviationOf(i), deviation, 0.05 * deviation) << i;
+  }
+  EXPECT_EQ(a.fingerprints, b.fingerprints);
+  // The posterior went elsewhere alone: its records are not there.
+  fs::create_directories(fs::path(deep) / "er");
+  fs::copy_file(of.posterior(), fs::path(deep) / "er" / "posterior.toml");
+  const std::string alone = (fs::path(deep) / "er" / "posterior.toml").string();
+  const Outcome on = Identify({"fit", of.sway(), "--prior", alone});
+  EXPECT_NE(on.exit_code, 1) << on.text;
+  EXPECT_THAT(on.text, AllOf(HasSubstr("goes on from what it says of its records"),
+                             HasSubstr("rise.rec is not there"), HasSubstr("moved by ")));
+  // Another file under a record's name is not that record.
+  WriteFile((fs::path(deep) / "rise.rec").string(), ReadFile(of.sway()));
+  const Outcome other = Identify({"fit", of.sway(), "--prior", alone});
+  EXPECT_THAT(other.text, HasSubstr("rise.rec is another record now"));
+}
+
+TEST(IdentifyProgram, RecordsOfAPriorMayHaveOtherZerosThanTheNewOnes) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  // Drives as the model corrected them. The robot is as it was: by as much its encoders read more.
+  const std::string drives = of.model() + "/drives.toml", shifted = folder / "shifted.rec";
+  const DrivesConfig corrected = LoadDrives(drives);
+  const auto zero_of = [&corrected](std::size_t joint) {
+    return static_cast<double>(JointOf(corrected.drives[joint].config).zero_offset_rad);
+  };
+  const testing::HiddenRuns run(fs::path(of.motion()).parent_path() / "stand.toml", drives);
+  testing::HiddenRobot robot = testing::DrawHiddenRobot(run.scene(), 11, 2);
+  for (std::size_t j = 0; j < 2; ++j) robot.variation.joints[j].zero_rad += zero_of(j);
+  EXPECT_TRUE(run.Record(robot, shifted));
+  const std::string with = folder / "with", without = folder / "without";
+  const Outcome fit = Identify({"fit", shifted, "--prior", of.posterior(), "--out", with});
+  EXPECT_EQ(fit.exit_code, 0) << fit.text;
+  EXPECT_THAT(fit.text, HasSubstr("its 1 records are fitted again"));
+  ASSERT_EQ(Identify({"fit", of.back(), of.sway(), "--out", without}).exit_code, 0);
+  const PosteriorFile a = LoadPosterior(with + "/posterior.toml");
+  const PosteriorFile b = LoadPosterior(without + "/posterior.toml");
+  for (std::size_t j = 0; j < 2; ++j) {
+    EXPECT_GT(std::abs(zero_of(j)), 1e-4);
+    const RobotQuantity zero{RobotQuantity::Kind::kZero, corrected.drives[j].joint};
+    const auto mean = [&zero](const PosteriorFile& file) {
+      const auto& all = file.posterior.quantities;
+      const auto at = std::find(all.begin(), all.end(), zero);
+      return file.posterior.mean[static_cast<std::size_t>(at - all.begin())];
+    };
+    EXPECT_NEAR(mean(a) - zero_of(j), mean(b), 5e-4);
+  }
+}
+
+/// A posterior's robot as a motion of optimize --posterior has it: the motion with another URDF.
+void MakeForIdentified(const std::string& motion, const std::string& posterior,
+                       const std::string& to) {
+  PrimitiveFile file = LoadPrimitive(motion);
+  const SimulatedMotion model(LoadMotion(motion));
+  file.provenance.robot_urdf =
+      IdentifiedUrdf(file.provenance.robot_urdf, file.provenance.robot_file, model.scene(),
+                     LoadPosterior(posterior).posterior);
+  file.provenance.robot_hash = HashOfText(file.provenance.robot_urdf);
+  file.provenance.task_toml = ReplacedAll(file.provenance.task_toml, "mu = 0.3", "mu = 0.25");
+  file.provenance.task_hash = HashOfText(file.provenance.task_toml);
+  PendingFile(to, ToToml(file)).Commit();
+}
+
+TEST(IdentifyProgram, ARecordOfAMotionForAnIdentifiedRobotIsFittedWithTheOthers) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string motion = folder / "sway.toml", record = folder / "sway.rec";
+  const std::string stand = (fs::path(of.motion()).parent_path() / "stand.toml").string();
+  MakeForIdentified(stand, of.posterior(), motion);
+  // The robot is the one of the other records, whatever the motion was made for.
+  testing::HiddenRuns run(motion, kDrivesFile);
+  const testing::HiddenRuns first(stand, kDrivesFile);
+  ASSERT_NE(run.scene().robot.tree.dofs.back().mass_kg,
+            first.scene().robot.tree.dofs.back().mass_kg);
+  run.OfModel(first.scene());
+  EXPECT_TRUE(run.Record(testing::DrawHiddenRobot(first.scene(), 11, 2), record));
+  const Outcome together = Identify({"fit", of.back(), record, "--out", folder / "both"});
+  EXPECT_EQ(together.exit_code, 0) << together.text;
+  ASSERT_EQ(Identify({"fit", of.back(), of.sway(), "--out", folder / "usual"}).exit_code, 0);
+  const PosteriorFile a = LoadPosterior(folder / "both/posterior.toml");
+  const PosteriorFile b = LoadPosterior(folder / "usual/posterior.toml");
+  for (std::size_t i = 0; i < a.posterior.size(); ++i) {
+    EXPECT_NEAR(a.posterior.mean[i], b.posterior.mean[i],
+                1.5 * std::max(1e-9, b.posterior.DeviationOf(i)))
+        << NameOf(a.posterior.quantities[i]);
+  }
+  // What no fit estimates may not differ, and the message says what does.
+  PrimitiveFile other = LoadPrimitive(motion);
+  other.provenance.robot_urdf =
+      ReplacedAll(other.provenance.robot_urdf, "effort=\"8.0\"", "effort=\"7.0\"");
+  ASSERT_NE(other.provenance.robot_urdf, LoadPrimitive(motion).provenance.robot_urdf);
+  other.provenance.robot_hash = HashOfText(other.provenance.robot_urdf);
+  PendingFile(folder / "other.toml", ToToml(other)).Commit();
+  testing::HiddenRuns strange(folder / "other.toml", kDrivesFile);
+  strange.OfModel(first.scene());
+  strange.Record(testing::DrawHiddenRobot(first.scene(), 11, 2), folder / "other.rec");
+  const Outcome refused = Identify({"fit", of.back(), folder / "other.rec"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.text, AllOf(HasSubstr("other.rec"), HasSubstr(of.back()),
+                                  HasSubstr("the limits of the joint 'leg1' differ")));
+}
+
+TEST(IdentifyProgram, ARecordBehindTheOneThatIsHeldOutIsNotFitted) {
+  const Outcome outcome = Identify({"fit", "a.rec", "--held-out", "b.rec", "c.rec"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, AllOf(HasSubstr("--held-out"), HasSubstr("c.rec is behind it"),
+                                  HasSubstr("give the option again")));
 }
 
 TEST(IdentifyProgram, RecordsOfOtherDrivesAreRefusedNamingBoth) {
@@ -293,39 +422,91 @@ std::string CutAt(const std::string& path, std::int64_t ticks) {
   return bytes.substr(0, offsets[static_cast<std::size_t>(begins + ticks)]);
 }
 
+/// Writes a record again with what `change` makes of its configuration and ticks.
+template <class Change>
+void Rewrite(const std::string& from, const std::string& to, const Change& change) {
+  const std::string bytes = ReadFile(from);
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, from);
+  RecordConfiguration configuration = record.configuration();
+  const auto entry = std::make_unique<TickEntry>();
+  change(configuration, *entry);
+  FlightRecorderConfig config;
+  config.file = to;
+  config.configuration = EncodeConfiguration(configuration);
+  FlightRecorder recorder(config);
+  TickFeed feed({&recorder});
+  while (record.Next(*entry)) {
+    change(configuration, *entry);
+    feed.Push(entry->notes, entry->input(), {entry->frames, entry->record});
+    recorder.Drain();
+  }
+  recorder.Stop("completed");
+}
+
 TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
   constexpr std::int64_t kSlower = 20;
   const Records& of = Shared();
   const testing::TemporaryFolder folder;
-  const std::string bytes = ReadFile(of.back());
-  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "back");
-  RecordConfiguration configuration = record.configuration();
-  configuration.period_ns *= kSlower;
-  FlightRecorderConfig config;
-  config.file = folder / "slow.rec";
-  config.configuration = EncodeConfiguration(configuration);
-  FlightRecorder recorder(config);
-  TickFeed feed({&recorder});
-  const auto entry = std::make_unique<TickEntry>();
-  while (record.Next(*entry)) {
-    TickNotes& notes = entry->notes;
+  const std::string file = folder / "slow.rec";
+  bool begun = false;
+  Rewrite(of.back(), file, [&begun](RecordConfiguration& configuration, TickEntry& entry) {
+    if (!begun) configuration.period_ns *= kSlower;
+    begun = true;
+    TickNotes& notes = entry.notes;
     for (std::int64_t* time_ns :
          {&notes.deadline_ns, &notes.due_ns, &notes.awake_ns, &notes.send_ns, &notes.done_ns})
       *time_ns *= kSlower;
-    for (std::size_t i = 0; i < entry->received_count; ++i) entry->received[i].time_ns *= kSlower;
-    feed.Push(notes, entry->input(), {entry->frames, entry->record});
-    recorder.Drain();
-  }
-  recorder.Stop("completed");
+    for (std::size_t i = 0; i < entry.received_count; ++i) entry.received[i].time_ns *= kSlower;
+  });
   const RecordedMotion usual = ReadRecordedMotion(of.back());
-  const RecordedMotion slow = ReadRecordedMotion(config.file);
+  const RecordedMotion slow = ReadRecordedMotion(file);
   EXPECT_NEAR(slow.tick_s, usual.tick_s, 1e-12);
   EXPECT_NEAR(slow.late_s, usual.late_s, 1e-9);
   EXPECT_GT(usual.late_s, 1e-5);
   EXPECT_EQ(slow.begins, usual.begins);
   ASSERT_EQ(slow.ticks.size(), usual.ticks.size());
   for (std::size_t k = 0; k < usual.ticks.size(); ++k)
-    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-9);
+    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-6);
+}
+
+TEST(IdentifyProgram, ARunInRealTimeIsReadByTheTimeStampsOfItsReplies) {
+  // The robot stands still while it is simulated, and the clock goes on: setpoints are sent later
+  // by it than they reach the robot, by another time in each tick.
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string file = folder / "real.rec";
+  Rewrite(of.back(), file, [](RecordConfiguration& configuration, TickEntry& entry) {
+    configuration.virtual_time = false;
+    entry.notes.send_ns += 60'000 + 10'000 * (entry.tick % 17);
+    entry.notes.done_ns = std::max(entry.notes.done_ns, entry.notes.send_ns);
+  });
+  const RecordedMotion usual = ReadRecordedMotion(of.back());
+  const RecordedMotion real = ReadRecordedMotion(file);
+  EXPECT_TRUE(usual.periods_with_ticks);
+  EXPECT_FALSE(real.periods_with_ticks);
+  ASSERT_EQ(real.ticks.size(), usual.ticks.size());
+  for (std::size_t k = 0; k + 1 < usual.ticks.size(); ++k) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      const RecordedJoint &a = real.ticks[k][j], &b = usual.ticks[k][j];
+      ASSERT_EQ(a.reading_rad, b.reading_rad) << k << ": a reply answers its own tick";
+      EXPECT_NEAR(a.arrival_s, b.arrival_s, 1e-6) << k;
+      EXPECT_NEAR(a.sampled_s, b.sampled_s, 1e-6) << k;
+    }
+  }
+}
+
+TEST(IdentifyProgram, WhyAModelIsEffectiveIsSaidWhereItIsKnown) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  const std::string drives = SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
+  of.Record("stand", drives, folder / "other.rec");
+  const Outcome other = Identify({"fit", folder / "other.rec", "--out", folder / "model"});
+  EXPECT_EQ(other.exit_code, 4);
+  EXPECT_THAT(other.text, AllOf(HasSubstr("the drive of leg1 is none of MIT"),
+                                HasSubstr("an EFFECTIVE model")));
+  EXPECT_THAT(ReadFile(folder / "model/index.html"), HasSubstr("the drive of leg1 is none of MIT"));
+  EXPECT_TRUE(LoadPosterior(folder / "model/posterior.toml").effective);
+  EXPECT_THAT(Identify({"fit", of.back()}).text, Not(HasSubstr("none of MIT")));
 }
 
 TEST(IdentifyProgram, ARecordThatTellsNothingIsRefusedBySayingWhy) {
@@ -403,7 +584,8 @@ TEST(IdentifyProgram, RecordsThatDoNotGoTogetherAreRefusedOrNotExplained) {
   const Outcome of_other = Identify({"fit", of.sway(), folder / "other.rec"});
   EXPECT_EQ(of_other.exit_code, 1);
   EXPECT_THAT(of_other.text, AllOf(HasSubstr("other.rec: is of another robot than " + of.sway()),
-                                   HasSubstr("give records of motions of one URDF")));
+                                   HasSubstr("the robot's name is 'another_"),
+                                   HasSubstr("give records of motions whose URDFs differ in ")));
   // At another rate.
   WriteFile(folder / "slow.toml",
             ReplacedAll(ReadFile(kDrivesFile), "rate_hz = 1000.0", "rate_hz = 500.0"));
@@ -452,6 +634,9 @@ TEST(IdentifyProgram, APriorThatIsNoneIsRefusedByFileLineAndWhatIsWrong) {
   refused(good.substr(0, good.size() / 2), "prior.toml");
   refused(Replaced(good, "effective = false", "effective = true"),
           "what does not explain its records says nothing");
+  const std::size_t chi = good.find("\nchi = ") + 1;
+  refused(good.substr(0, chi) + "chi = 4.0" + good.substr(good.find('\n', chi)),
+          "is false, but chi is 4, and its limit 1");
   refused(ReplacedAll(good, "kind = \"slope\"", "kind = \"colour\""), "'colour'");
   const Outcome none = Identify({"fit", of.sway(), "--prior", folder / "none.toml"});
   EXPECT_EQ(none.exit_code, 1);

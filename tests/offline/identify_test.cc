@@ -1,6 +1,7 @@
 // From records to a robot. Hidden robots are played by the executor over a simulated bus, with
 // drives, quantisation and the twin's physics, none of which the fit shares.
 
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -224,6 +225,18 @@ TEST(Identify, RecordsOneAfterTheOtherTellWhatTheyTellTogether) {
     EXPECT_EQ(then.first_deviations[i], together.first_deviations[i]) << name;
   }
   EXPECT_LT(std::sqrt(squares / static_cast<double>(n)), 0.7);
+  EXPECT_FALSE(then.strays()) << then.moved;
+  // Where the earlier records are said to be of quite another ground, the later one is explained
+  // all the same, far from there. Nothing says what the earlier ones are worth then.
+  for (std::size_t i = 0; i < n; ++i) {
+    if (first.posterior.quantities[i].kind == Kind::kFriction)
+      earlier.earlier.centre[i] += 12 / std::sqrt(earlier.earlier.hessian[i * n + i]);
+    if (first.posterior.quantities[i].kind == Kind::kStiffness)
+      earlier.earlier.centre[i] -= 12 / std::sqrt(earlier.earlier.hessian[i * n + i]);
+  }
+  const FitOutcome far = FitRobot(std::span(records).last(1), earlier, {});
+  EXPECT_GT(far.moved, far.moved_max);
+  EXPECT_TRUE(far.effective);
 }
 
 TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
@@ -235,10 +248,17 @@ TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
         record.ticks[k][j].reading_rad = record.ticks[k - 1][j].reading_rad;
     }
   }
+  records.back().rested = false;
   FitSettings settings;
   settings.starts = 1;
   const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
   EXPECT_TRUE(fit.effective || MeanOf(fit, Kind::kLag) < -5e-4) << fit.chi;
+  // Where a record is not explained whose robot may not have rested, that is said.
+  ASSERT_EQ(fit.causes.size(), fit.chi > settings.chi_max ? 1U : 0U);
+  if (fit.chi > settings.chi_max) {
+    EXPECT_THAT(IdentifyPage(fit, settings, {}),
+                ::testing::HasSubstr("does not show that the robot rested"));
+  }
 }
 
 TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
@@ -327,6 +347,7 @@ TEST(IdentifiedModel, TheTaskOfAnIdentifiedRobotHasItsLinksAndGround) {
   file.posterior.mean = file.posterior.Draw(1, 2, 7);
   file.prior_deviations.assign(file.posterior.size(), 1);
   Task known = IdentifiedTask(given, file);
+  EXPECT_EQ(known.robot_change, "as identified") << "which a motion's file says";
   for (std::size_t i = 0; i < file.posterior.size(); ++i) {
     const RobotQuantity& quantity = file.posterior.quantities[i];
     if (quantity.kind > Kind::kCreepSpeed) continue;  // what neither URDF nor task has
@@ -379,6 +400,8 @@ TEST(Tuning, EndsAtOnceWhereAllRobotsStandInTheGuess) {
   const Task tuned = TunedTask(WellKnown(task, 0.4, 0.4, 0.3), "primitives/handstand.toml");
   const TaskResult result = WorkOn(tuned, Quietly());
   ASSERT_TRUE(result.file) << result.cause;
+  EXPECT_THAT(result.file->provenance.robot_file,
+              ::testing::EndsWith("tumbler.urdf as identified"));
   EXPECT_EQ(result.best.x, tuned.guess);
   EXPECT_LT(result.outcome.evaluations, 20) << "motions";
 }

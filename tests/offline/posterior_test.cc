@@ -179,6 +179,32 @@ TEST(PosteriorFile, AnEffectiveModelSaysSo) {
   EXPECT_TRUE(ParsePosterior(text, "posterior.toml").effective);
 }
 
+TEST(PosteriorFile, AModelThatDoesNotExplainItsRecordsIsNotBelievedToBeOneThatDoes) {
+  PosteriorFile file = SomePosterior();
+  file.chi = 1.01 * file.chi_max;
+  const std::string text = ToToml(file);
+  try {
+    ParsePosterior(text, "p.toml");
+    FAIL() << "chi is above its limit";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), ::testing::AllOf(::testing::HasSubstr("p.toml:4: effective"),
+                                               ::testing::HasSubstr("chi is 1.01")));
+  }
+  file.effective = true;
+  EXPECT_NO_THROW(ParsePosterior(ToToml(file), "p.toml"));
+  // One that is not to be trusted for other reasons may explain them.
+  file.chi = 0.5;
+  EXPECT_NO_THROW(ParsePosterior(ToToml(file), "p.toml"));
+  // Without a limit nothing is above it.
+  file.effective = false;
+  file.chi = 7;
+  file.chi_max = 0;
+  EXPECT_NO_THROW(ParsePosterior(ToToml(file), "p.toml"));
+  const std::string none = testing::Replaced(text, "chi_max = 1.0\n", "");
+  EXPECT_NE(none, text);
+  EXPECT_EQ(ParsePosterior(none, "p.toml").chi_max, 0);
+}
+
 TEST(PosteriorFile, ACovarianceThatIsNoneIsRefused) {
   const std::string start =
       "format = \"tumbler-posterior\"\nversion = 1\neffective = false\nchi = 1\n"
