@@ -140,7 +140,7 @@ class Reader {
       : settings_(settings),
         file_(path),
         record_(file_.bytes(), path),
-        timed_(record_.configuration()) {}
+        timed_(TimedRecordsOf(record_.configuration())) {}
 
   RecordedMotion Read() {
     const RecordConfiguration& configuration = record_.configuration();
