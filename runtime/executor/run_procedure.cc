@@ -76,17 +76,15 @@ void RunProcedure::NoteStand(const TickRecord& last) noexcept {
     stands_ = (config_.safe_nodes >> static_cast<unsigned>(last.node) & 1U) != 0;
 }
 
-void RunProcedure::NoteSetpoints(const TickRecord& last) noexcept {
-  for (std::size_t i = 0; i < last.joint_count; ++i)
-    before_move_rad_[i] = last.joints[i].limited.position_rad;
-}
-
-bool RunProcedure::HasRocked(const TickRecord& last) const noexcept {
+bool RunProcedure::HasMoved(const TickRecord& last) noexcept {
+  bool moved = false;
   for (std::size_t i = 0; i < last.joint_count; ++i) {
-    const float moved_rad = last.joints[i].limited.position_rad - before_move_rad_[i];
-    if (moved_rad > kRocks_rad || moved_rad < -kRocks_rad) return true;
+    const float at_rad = last.joints[i].limited.position_rad;
+    const float by_rad = at_rad - known_rad_[i];
+    moved = moved || by_rad > kRocks_rad || by_rad < -kRocks_rad;
+    known_rad_[i] = at_rad;
   }
-  return false;
+  return moved;
 }
 
 Refusal RunProcedure::RequestStart(const TickRecord& last) noexcept {
@@ -179,7 +177,7 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   switch (phase_) {
     case Phase::kArm:
       if (last.state == ExecutorState::kHolding) {
-        NoteSetpoints(last);
+        HasMoved(last);
         return Go(Phase::kMove, OperatorCommand::kMoveToStart);
       }
       if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;
@@ -195,8 +193,7 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
     case Phase::kMove:
       // The first record after the command already shows the move.
       if (last.state != ExecutorState::kHolding) return OperatorCommand::kNone;
-      if (config_.rest_ticks > 0 && HasRocked(last))
-        return Go(Phase::kRest, OperatorCommand::kNone);
+      if (config_.rest_ticks > 0 && HasMoved(last)) return Go(Phase::kRest, OperatorCommand::kNone);
       return Go(Phase::kStart, OperatorCommand::kRun);
     case Phase::kRest:
       if (ticks_ < config_.rest_ticks) return OperatorCommand::kNone;

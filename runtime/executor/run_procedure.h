@@ -146,10 +146,8 @@ class RunProcedure {
   /// Holds the robot until somebody asks for torque off.
   OperatorCommand HoldOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
-  /// Notes where the setpoints are before the move to the start.
-  void NoteSetpoints(const TickRecord& last) noexcept;
-  /// Whether the move to the start has rocked the robot.
-  [[nodiscard]] bool HasRocked(const TickRecord& last) const noexcept;
+  /// Whether setpoints have moved so far since this was last asked that the robot rocks.
+  bool HasMoved(const TickRecord& last) noexcept;
   /// Takes the torque off, after what has to be done before.
   OperatorCommand LetDown(RunOutcome outcome, const TickRecord& last) noexcept;
   void NoteStand(const TickRecord& last) noexcept;
@@ -169,7 +167,7 @@ class RunProcedure {
   int late_requests_ = 0;
   bool stands_ = true;    // whether the robot stands without torque, as far as is known
   bool lowered_ = false;  // whether the robot was lowered in this run
-  std::array<float, kMaxJoints> before_move_rad_{};  // setpoints
+  std::array<float, kMaxJoints> known_rad_{};  // setpoints, see HasMoved
   std::int64_t clearing_ticks_ = 0;
   bool running_ = true;           // whether what is disarmed is a run, not the wait for one
   bool homed_ = false;            // whether the way home was tried in this run

@@ -299,8 +299,9 @@ TEST(TakeGuess, TheMirrorImageOfAMotionGoesToTheOtherSideWithTheLegsExchanged) {
     for (int k = 0; k <= 100; ++k) {
       const double t = k * problem.duration_s / 100;
       EXPECT_NEAR(path.Evaluate(t).value, -other.Evaluate(t).value, 1e-12);
-      // Simulated anew: by mirrored forces, and so the same but for their rounding.
-      EXPECT_NEAR(law.angle.Evaluate(t).value, -before.angle.Evaluate(t).value, 1e-6);
+      // Simulated anew, with the feed-forward that a primitive has. The angle of the shipped motion
+      // is of an average of torques, which is another one by up to 0.1 N m.
+      EXPECT_NEAR(law.angle.Evaluate(t).value, -before.angle.Evaluate(t).value, 4e-3);
     }
   }
 }
