@@ -136,7 +136,7 @@ class TaskReader {
     if (problem_.settle_s == 0) why = "settle_s is 0, so that no rest is simulated";
     if (scene_.robot.hinged()) why = "nothing rests by itself on a bar";
     if (problem_.robust && problem_.robust->feedback)
-      why = "the feedback of [robust.feedback] is found with the torque of the end";
+      why = "the feedback of [robust.feedback] is found for the torque of the end";
     if (!why.empty())
       root_.Fail("held_torque", fmt::format("is \"rest\", but {}; allowed: \"end\"", why));
   }

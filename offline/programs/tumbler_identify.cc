@@ -554,13 +554,16 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
 /// Refuses a record behind that of --held-out: it would be fitted, which may not be meant.
 void CheckHeldOut(int argc, char** argv) {
   constexpr std::string_view kOption = "--held-out";
-  for (int i = 1; i + 2 < argc; ++i) {
-    if (argv[i] != kOption || argv[i + 2][0] == '-') continue;
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view word = argv[i];
+    const bool with_its_record = word.starts_with(std::string(kOption) + "=");
+    const int behind = i + (with_its_record ? 1 : 2);
+    if ((word != kOption && !with_its_record) || behind >= argc || argv[behind][0] == '-') continue;
     throw UsageError(
         std::string(kOption),
         fmt::format("takes one record each time, and {} is behind it; to hold that out, too, give "
                     "the option again, and records that are fitted before it",
-                    argv[i + 2]));
+                    argv[behind]));
   }
 }
 

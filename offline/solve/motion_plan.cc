@@ -165,7 +165,10 @@ void MotionPlanner::NoteUnrest(const PacketSetpoints& setpoints, LaneState<Packe
 std::vector<double> MotionPlanner::FeedForwardOf(const std::vector<Packet>& torques,
                                                  std::size_t lane, int ticks) const {
   const TickSpline spline(ticks);
-  const std::size_t joints = task_.joints, end = Index(ticks) * kPlanSteps;
+  const std::size_t joints = task_.joints;
+  // Motions of a packet end one after the other, and so do their settle phases.
+  const std::size_t rests =
+      Index(ticks + RobustTask::Ticks(task_.problem.settle_s)) * kPlanSteps - 1;
   std::vector<double> feed_forward((Index(ticks) + 1) * joints);
   std::vector<double> samples(Index(ticks) + 1);
   for (std::size_t j = 0; j < joints; ++j) {
@@ -175,8 +178,8 @@ std::vector<double> MotionPlanner::FeedForwardOf(const std::vector<Packet>& torq
     }
     std::vector<double> points = spline.Fit(samples);
     const double limit = task_.problem.joints[j].limits.torque_max_nm;
-    if (task_.problem.held_torque == HeldTorque::kRest && torques.size() > end * joints)
-      points.back() = torques[torques.size() - joints + j].lane(lane);
+    if (task_.problem.held_torque == HeldTorque::kRest)
+      points.back() = torques[rests * joints + j].lane(lane);
     for (double& point : points) point = std::clamp(point, -limit, limit);
     for (std::size_t k = 0; k < samples.size(); ++k)
       feed_forward[k * joints + j] = spline.At(k, points);

@@ -41,8 +41,7 @@ double RobotLoss::Of(double settled, double off, double speed, double astray) co
   }
   if (off < 1.7 * tolerance_rad_ && speed < 1)
     return 0.35 + 0.15 * std::min(1.0, settled / (2 * tolerance_rad_)) + 0.15 * speed;
-  // A robot that is still near when the settle phase ends falls later, and is better than one
-  // that never came near.
+  // A robot that stays near for a while is better than one that never came near.
   return 1 + 0.2 * astray + 0.1 * std::min(1.0, off / 3);
 }
 

@@ -37,9 +37,9 @@ class RobotLoss {
 
   /// @param settled, off  Off when the settle phase ends, and later.
   /// @param speed         the root's largest, in the time that is watched [m/s, rad/s].
-  /// @param astray        the mean of Off, of which no more than 1 counts, from the end of the
-  ///                      motion to that of the settle phase: where robots fall in the end, the
-  ///                      motion is better in which they stay near for longer.
+  /// @param astray        the mean of Off, of which no more than 1 counts, from 0.1 s before
+  ///                      the end of the motion to that of the settle phase: where robots fall in
+  ///                      the end, the motion is better in which they stay near for longer.
   [[nodiscard]] double Of(double settled, double off, double speed, double astray) const;
 
  private:

@@ -189,7 +189,7 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const std::uint64_t> indice
 }
 
 void LaneTrials::Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick,
-                      const HeldSetpoints<Packet>& held, LaneState<Packet>& state) const {
+                      HeldSetpoints<Packet>& held, LaneState<Packet>& state) const {
   const std::size_t joints = drives_.size();
   std::array<bool, kLanes> rocks{};
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
@@ -199,20 +199,28 @@ void LaneTrials::Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick,
     }
   }
   if (std::ranges::none_of(rocks, std::identity{})) return;
+  HeldSetpoints<Packet> start = held;
+  for (std::size_t j = 0; j < joints; ++j) {
+    const JointSetpoint& s = tick.setpoints[j];
+    start[j] = {Packet::Of(static_cast<double>(s.position_rad)), Packet::Of(0),
+                Packet::Of(static_cast<double>(s.torque_nm))};
+  }
   std::vector<LaneSetpoint<Packet>> setpoints;
   const auto ticks = std::llround(trials_.study().run.rest_s / steps_.tick_s);
-  for (std::int64_t k = 0; k < ticks; ++k) {
-    for (const JointSetpoint& s : tick.setpoints) {
-      setpoints.push_back({Packet::Of(static_cast<double>(s.position_rad)), Packet::Of(0),
-                           Packet::Of(static_cast<double>(s.torque_nm))});
-    }
-  }
+  for (std::int64_t k = 0; k < ticks; ++k)
+    setpoints.insert(setpoints.end(), start.begin(),
+                     start.begin() + static_cast<std::ptrdiff_t>(joints));
   LaneState<Packet> rested = state;
-  HeldSetpoints<Packet> before = held;
+  HeldSetpoints<Packet> before = start;
   LaneWatch<Packet> watch;
   PacketKernels().front()->drive(model_.model, robots, steps_, setpoints, before, rested, watch);
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     if (!rocks[lane]) continue;
+    for (std::size_t j = 0; j < joints; ++j) {
+      held[j].position.set_lane(lane, start[j].position.lane(lane));
+      held[j].velocity.set_lane(lane, start[j].velocity.lane(lane));
+      held[j].third.set_lane(lane, start[j].third.lane(lane));
+    }
     for (std::size_t d = 0; d < joints + 3; ++d) {
       state.q[d].set_lane(lane, rested.q[d].lane(lane));
       state.v[d].set_lane(lane, rested.v[d].lane(lane));

@@ -40,9 +40,9 @@ class LaneTrials {
   /// Lets robots whose encoders' zeros are wrong rest at the start before the motion, as they do
   /// in a run (RunProcedureConfig::rest_ticks).
   /// @param tick  the first in which they are not held.
-  /// @param state  gets theirs; that of the others stays.
-  void Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick,
-            const HeldSetpoints<Packet>& held, LaneState<Packet>& state) const;
+  /// @param held, state  get what they were told last, and how they are; those of others stay.
+  void Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick, HeldSetpoints<Packet>& held,
+            LaneState<Packet>& state) const;
   [[nodiscard]] LaneRobot<double> RobotOf(const Scene& scene,
                                           const RobotVariation& variation) const;
 

@@ -162,6 +162,7 @@ class Reader {
     result.task_file = first.provenance.task_file;
     result.drives = parts.drives;
     result.periods_with_ticks = configuration.virtual_time;
+    simulated_ = configuration.bus == "sim";
     result.drives_file = configuration.drives_file;
     if (!result.drives_file.empty()) result.drives_text = read(result.drives_file);
     // A robot that is simulated at a slower pace has its time: that of its drives' rate.
@@ -254,14 +255,15 @@ class Reader {
   }
 
   /// The tick whose setpoint a reply answers: the last one, unless that could not have come to the
-  /// drive and the reply back by then. So it is where a host is late by most of a period. It is
-  /// reckoned from the tick: a robot that is simulated in real time stands still while it is
+  /// drive and the reply back by then. So it is where a host is late by most of a period. Of a
+  /// simulated robot it is reckoned from the tick: in real time it stands still while it is
   /// reckoned with, so that the clock has gone on when setpoints are sent.
   [[nodiscard]] KeptTick& Answered(const ReceivedFrame& received, std::size_t joint) {
     KeptTick& last = kept_.back();
     const double bits = last.arrival_bits[joint] +
                         static_cast<double>(FrameBits(received.frame) - kIntermissionBits);
-    const bool too_early = pace_ * Seconds(received.time_ns - last.deadline_ns) < bits * bit_s_;
+    const std::int64_t sent_ns = simulated_ ? last.deadline_ns : last.send_ns;
+    const bool too_early = pace_ * Seconds(received.time_ns - sent_ns) < bits * bit_s_;
     if (!too_early || kept_.size() < 2) return last;
     KeptTick& before = kept_[kept_.size() - 2];
     return before.tick + 1 == last.tick ? before : last;
@@ -438,7 +440,8 @@ class Reader {
   MappedFile file_;
   FlightRecord record_;
   std::size_t joints_ = 0;
-  double pace_ = 1;  ///< Seconds of the robot in a second of the loop's clock.
+  double pace_ = 1;         ///< Seconds of the robot in a second of the loop's clock.
+  bool simulated_ = false;  ///< Whether the robot was.
   std::vector<KeptTick> kept_;
   DriveBank bank_;  ///< Tells whose replies are.
   std::vector<CountReader> counts_;

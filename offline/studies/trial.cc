@@ -246,7 +246,9 @@ std::pair<double, double> Trials::PushTimes() const {
     if (script_.ticks[k].state == ExecutorState::kSettling) settled = k;
   }
   const auto s = [this](std::size_t ticks) { return static_cast<double>(ticks) * script_.tick_s; };
+  // Robots that rest at the start (RunSettings::rest_s) are later by less than that.
   constexpr double kSpare_s = kJudged_s - Passage::kLater_s;
+  static_assert(RunSettings{}.rest_s < kSpare_s);
   return {std::max(s(moved) + kJudged_s, s(settled) + kSpare_s),
           s(script_.ticks.size()) - kAfterPush_s};
 }

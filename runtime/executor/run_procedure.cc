@@ -177,7 +177,7 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   switch (phase_) {
     case Phase::kArm:
       if (last.state == ExecutorState::kHolding) {
-        HasMoved(last);
+        static_cast<void>(HasMoved(last));  // from here
         return Go(Phase::kMove, OperatorCommand::kMoveToStart);
       }
       if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;

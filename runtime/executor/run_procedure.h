@@ -147,7 +147,7 @@ class RunProcedure {
   OperatorCommand HoldOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
   /// Whether setpoints have moved so far since this was last asked that the robot rocks.
-  bool HasMoved(const TickRecord& last) noexcept;
+  [[nodiscard]] bool HasMoved(const TickRecord& last) noexcept;
   /// Takes the torque off, after what has to be done before.
   OperatorCommand LetDown(RunOutcome outcome, const TickRecord& last) noexcept;
   void NoteStand(const TickRecord& last) noexcept;

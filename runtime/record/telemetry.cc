@@ -77,12 +77,17 @@ class LiveExport final : public RunExport, private MessageStream {
 /// Hands an export what a feed has encoded.
 class ExportWriter final : public TickWriter {
  public:
-  ExportWriter(std::unique_ptr<RunExport> out, const SampleTimes& replies)
-      : out_(std::move(out)), records_(replies) {}
+  /// @param figures  get ticks that cannot be read.
+  ExportWriter(std::unique_ptr<RunExport> out, const SampleTimes& replies,
+               std::shared_ptr<RunFigures> figures)
+      : out_(std::move(out)), records_(replies), figures_(std::move(figures)) {}
 
   void Take(std::span<const std::uint8_t> message) override {
     if (KindOf(message) == BlockKind::kTruth) return out_->TakeTruth(ContentOf(message));
-    if (!DecodeTick(ContentOf(message), entry_)) return;
+    if (!DecodeTick(ContentOf(message), entry_)) {
+      figures_->lost.fetch_add(1, std::memory_order_relaxed);
+      return;
+    }
     out_->Take(entry_, records_.Next(entry_));
     written_.fetch_add(1, std::memory_order_relaxed);
   }
@@ -97,6 +102,7 @@ class ExportWriter final : public TickWriter {
  private:
   std::unique_ptr<RunExport> out_;
   TimedRecords records_;
+  std::shared_ptr<RunFigures> figures_;
   TickEntry entry_;
   std::atomic<std::int64_t> written_{0};
 };
@@ -126,7 +132,7 @@ struct Telemetry::Implementation {
   void Add(std::unique_ptr<RunExport> out) {
     // Four seconds at 1 kHz, of many joints too. No stall of a disk was seen that lasted longer.
     constexpr std::size_t kRingBytes = std::size_t{16} << 20U;
-    auto writer = std::make_shared<ExportWriter>(std::move(out), replies);
+    auto writer = std::make_shared<ExportWriter>(std::move(out), replies, figures);
     outputs.push_back({writer, std::make_unique<TickOutlet>(writer, kRingBytes)});
   }
 

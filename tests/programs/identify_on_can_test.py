@@ -130,7 +130,7 @@ class Guide(unittest.TestCase):
                     closed = "gate primitives/handstand.toml" in command
                     self.assertEqual(status, 4 if closed else 0, text)
                 ran.append(words[1])
-        self.assertEqual({name: ran.count(name) for name in set(ran)}, {"run": 6, "identify": 8, "optimize": 1})
+        self.assertEqual({name: ran.count(name) for name in set(ran)}, {"run": 7, "identify": 9, "optimize": 1})
 
 
 if __name__ == "__main__":
