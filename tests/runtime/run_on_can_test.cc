@@ -149,8 +149,9 @@ class RunOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> StartArmed(const std::string& interface) const {
     return Start(interface, {"--arm", "--without-realtime", "--json", Path("run.json")});
   }
-  /// Waits until a run is in the midst of its motion, when it has driven for almost a second.
-  void AwaitMotion(int driving_frames = 24) const {
+  /// Waits until a run is in the midst of its motion: when it has driven for more than one and a
+  /// half seconds, half a second of which the robot may rest at the start.
+  void AwaitMotion(int driving_frames = 38) const {
     ASSERT_TRUE(Eventually([&] { return Judge().joints[0].driving >= driving_frames; }))
         << ReadFile(Path("candump"));
   }
