@@ -53,9 +53,10 @@ class Simulation {
       hinged_ = scene.robot.hinged();
       bar_ = scene.bar;
     }
-    for (std::size_t i = 0; i < file_.primitives.size(); ++i)
+    for (std::size_t i = 0; i < file_.primitives.size(); ++i) {
       worlds_.push_back(
           std::make_unique<ChainWorld<Space>>(file_.primitives[i], motion.ProblemOf(i)));
+    }
     CheckPassiveJoints();
     for (int node = 0; node < file_.graph.node_count; ++node) {
       if (WorldOf(node).plan.empty()) Plan(node);

@@ -207,9 +207,8 @@ void LaneTrials::Rest(const LaneRobot<Packet>& robots, const ScriptTick& tick,
   }
   std::vector<LaneSetpoint<Packet>> setpoints;
   const auto ticks = std::llround(trials_.study().run.rest_s / steps_.tick_s);
-  for (std::int64_t k = 0; k < ticks; ++k)
-    setpoints.insert(setpoints.end(), start.begin(),
-                     start.begin() + static_cast<std::ptrdiff_t>(joints));
+  const auto end = start.begin() + static_cast<std::ptrdiff_t>(joints);
+  for (std::int64_t k = 0; k < ticks; ++k) setpoints.insert(setpoints.end(), start.begin(), end);
   LaneState<Packet> rested = state;
   HeldSetpoints<Packet> before = start;
   LaneWatch<Packet> watch;

@@ -82,6 +82,29 @@ class LieWatch {
   int node_ = -1;
 };
 
+/// What the model does while a robot does a tick. Until its motion begins, for which it may rest
+/// longer than the model, that is what the model does until then.
+class BesideModel {
+ public:
+  explicit BesideModel(const Script& script)
+      : script_(script),
+        model_begins_(static_cast<int>(
+            std::ranges::find(script.ticks, ExecutorState::kRunning, &ScriptTick::state) -
+            script.ticks.begin())) {}
+
+  /// @returns  null where the model does nothing any more.
+  const ScriptTick* At(std::size_t tick, ExecutorState state) {
+    const int now = static_cast<int>(tick);
+    if (begins_ < 0 && state == ExecutorState::kRunning) begins_ = now;
+    const int at = begins_ < 0 ? std::min(now, model_begins_ - 1) : now - begins_ + model_begins_;
+    return at >= 0 && Index(at) < script_.ticks.size() ? &script_.ticks[Index(at)] : nullptr;
+  }
+
+ private:
+  const Script& script_;
+  int model_begins_, begins_ = -1;  // below 0: it has not begun
+};
+
 }  // namespace
 
 void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad, std::int64_t ticks) {
@@ -320,11 +343,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
   LieWatch lie;
   bool begun = false;
-  // The ticks in which the motion begins, here and for the model; below 0: it has not.
-  int begins = -1;
-  const auto model_begins = static_cast<int>(
-      std::ranges::find(script_.ticks, ExecutorState::kRunning, &ScriptTick::state) -
-      script_.ticks.begin());
+  BesideModel beside(script_);
   int settled = -1, fell_after = -1;  // nodes
   for (std::size_t k = 0; run.Step(); ++k) {
     const TwinState& truth = robot.state();
@@ -336,13 +355,10 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
         LiesInItself(varied, truth.joint_positions_rad)) {
       return std::nullopt;
     }
-    // From a get-up on the robot does something else than the model. Until its motion begins, for
-    // which it may rest longer, it is beside what the model is until then.
-    if (begins < 0 && loop.record().state == ExecutorState::kRunning) begins = static_cast<int>(k);
-    const int at = begins < 0 ? std::min(static_cast<int>(k), model_begins - 1)
-                              : static_cast<int>(k) - begins + model_begins;
-    if (!dropped && at >= 0 && Index(at) < script_.ticks.size() && loop.statistics().get_ups == 0)
-      departure.Observe(script_.ticks[Index(at)], truth.root_pitch_rad);
+    // From a get-up on the robot does something else than the model.
+    const ScriptTick* const model = beside.At(k, loop.record().state);
+    if (!dropped && model != nullptr && loop.statistics().get_ups == 0)
+      departure.Observe(*model, truth.root_pitch_rad);
     if (observe) observe(loop, robot);
     if (!begun && loop.record().state == ExecutorState::kRunning) {
       begun = true;

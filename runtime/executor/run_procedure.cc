@@ -196,8 +196,8 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
       if (config_.rest_ticks > 0 && HasMoved(last)) return Go(Phase::kRest, OperatorCommand::kNone);
       return Go(Phase::kStart, OperatorCommand::kRun);
     case Phase::kRest:
-      if (ticks_ < config_.rest_ticks) return OperatorCommand::kNone;
-      return Go(Phase::kStart, OperatorCommand::kRun);
+      return ticks_ < config_.rest_ticks ? OperatorCommand::kNone
+                                         : Go(Phase::kStart, OperatorCommand::kRun);
     case Phase::kStart:
       if (last.state == ExecutorState::kRunning) return Go(Phase::kRun, OperatorCommand::kNone);
       if (refused != Refusal::kNone && (!MayPass(refused) || ticks_ > config_.start_ticks_max)) {

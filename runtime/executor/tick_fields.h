@@ -63,12 +63,14 @@ template <typename InRecord, typename OfTick, typename InMessage, typename Shown
 TickFieldRow(TickField, InRecord, OfTick, InMessage, Shown)
     -> TickFieldRow<InRecord, OfTick, InMessage, Shown>;
 
+// NOLINTBEGIN(bugprone-macro-parentheses): they make functions, and not values
 #define TUMBLER_RECORD(member) \
   [](auto& record) noexcept -> auto& { return record.member; }
 #define TUMBLER_MESSAGE(member) \
   [](auto& message) noexcept -> auto& { return message.member; }
 #define TUMBLER_TICK(expression) [](const auto& tick) noexcept { return expression; }
 #define TUMBLER_SHOWN(expression) [](const auto& state) noexcept { return expression; }
+// NOLINTEND(bugprone-macro-parentheses)
 
 /// A field of the record that is in the message as it is, and in the table if it has a place there.
 #define TUMBLER_FIELD(member, name, message_place, column_place, meaning, ...)           \
