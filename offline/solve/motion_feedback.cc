@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <stdexcept>
 
 #include "common/core/index.h"
-#include "offline/model/least_squares.h"
-#include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
+#include "offline/solve/tick_spline.h"
 
 namespace tumbler {
 namespace {
@@ -35,28 +33,13 @@ void AddHoldKnots(double duration_s, int knots, Feedback<double>& law) {
   law.knot_count = knots + 2;
 }
 
-/// The spline through angles of every tick, with the knots of the feed-forward, which ends at the
-/// last of them.
+/// The spline through angles of every tick, with the knots of the feed-forward, which ends at one
+/// more, the last of them.
 Feedback<double>::Spline FitAngle(double duration_s, const std::vector<double>& angles) {
-  const std::vector<double> knots = FeedForwardKnots(duration_s);
-  std::vector<double> points(knots.size() - kFeedForwardDegree - 1);
-  Feedback<double>::Spline spline;
-  if (spline.Assign(kFeedForwardDegree, knots, points) != Status::kOk)
-    throw std::logic_error("the spline of a link's angle could not be set up");
-  const auto rows = static_cast<Eigen::Index>(angles.size() - 1);
-  const auto columns = static_cast<Eigen::Index>(points.size());
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, columns);
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const auto weights = spline.EvaluateWeights(static_cast<double>(i) * RobustTask::kTick_s);
-    for (int k = 0; k <= kFeedForwardDegree; ++k) A(i, weights.first + k) = weights.w[0][Index(k)];
-  }
-  const Eigen::VectorXd fit =
-      SolveLeastSquares(A, Eigen::Map<const Eigen::VectorXd>(angles.data(), rows));
-  std::copy(fit.begin(), fit.end(), points.begin());
+  const TickSpline spline(duration_s, static_cast<int>(angles.size()) - 2);
+  std::vector<double> points = spline.Fit({angles.begin(), angles.end() - 1});
   points.back() = angles.back();
-  if (spline.Assign(kFeedForwardDegree, knots, points) != Status::kOk)
-    throw std::logic_error("the angles of a link are not finite");
-  return spline;
+  return spline.With(points);
 }
 
 }  // namespace

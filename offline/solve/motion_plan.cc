@@ -4,10 +4,9 @@
 #include <array>
 #include <cmath>
 #include <span>
-#include <stdexcept>
 
 #include "common/core/index.h"
-#include "offline/problem/feed_forward_knots.h"
+#include "offline/solve/tick_spline.h"
 
 namespace tumbler {
 namespace {
@@ -21,75 +20,6 @@ constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
 /// on the ground of a posterior, which may damp little. There a robot rocks less in the steps of
 /// lanes than in those of the second look.
 constexpr double kRestsOtherwise = 0.7, kRestsOnKnownGround = 0.4;
-
-/// Splines with the knots of a primitive's feed-forward, by values at every tick.
-class TickSpline {
- public:
-  explicit TickSpline(int ticks) {
-    const std::vector<double> knots = FeedForwardKnots(ticks * RobustTask::kTick_s);
-    std::vector<double> points(knots.size() - kFeedForwardDegree - 1);
-    Spline spline;
-    if (spline.Assign(kFeedForwardDegree, knots, points) != Status::kOk)
-      throw std::logic_error("the spline of a feed-forward could not be set up");
-    for (int k = 0; k <= ticks; ++k)
-      weights_.push_back(spline.EvaluateWeights(k * RobustTask::kTick_s));
-    Factor(points.size());
-  }
-
-  /// The control points of the least-squares spline through a value for each tick.
-  [[nodiscard]] std::vector<double> Fit(const std::vector<double>& values) const {
-    std::vector<double> x(factor_.size());
-    for (std::size_t k = 0; k < values.size(); ++k) {
-      for (std::size_t a = 0; a < kBand; ++a)
-        x[Index(weights_[k].first) + a] += weights_[k].w[0][a] * values[k];
-    }
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      for (std::size_t d = 1; d < kBand && d <= i; ++d) x[i] -= factor_[i][d] * x[i - d];
-      x[i] /= factor_[i][0];
-    }
-    for (std::size_t i = x.size(); i-- > 0;) {
-      for (std::size_t d = 1; d < kBand && i + d < x.size(); ++d)
-        x[i] -= factor_[i + d][d] * x[i + d];
-      x[i] /= factor_[i][0];
-    }
-    return x;
-  }
-  [[nodiscard]] double At(std::size_t tick, const std::vector<double>& points) const {
-    double sum = 0;
-    for (std::size_t a = 0; a < kBand; ++a)
-      sum += weights_[tick].w[0][a] * points[Index(weights_[tick].first) + a];
-    return sum;
-  }
-
- private:
-  using Spline = JointMotion<double>::Spline;
-  static constexpr std::size_t kBand = kFeedForwardDegree + 1;
-
-  /// Factors the matrix of the normal equations, L L^T, where [i][d] is row i, column i - d: basis
-  /// functions that are farther apart do not overlap.
-  void Factor(std::size_t count) {
-    factor_.resize(count);
-    for (const Spline::Weights& weights : weights_) {
-      for (std::size_t a = 0; a < kBand; ++a) {
-        for (std::size_t b = 0; b <= a; ++b)
-          factor_[Index(weights.first) + a][a - b] += weights.w[0][a] * weights.w[0][b];
-      }
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      for (std::size_t d = std::min(i, kBand - 1); d > 0; --d) {
-        for (std::size_t e = d + 1; e < kBand && e <= i; ++e)
-          factor_[i][d] -= factor_[i][e] * factor_[i - d][e - d];
-        factor_[i][d] /= factor_[i - d][0];
-      }
-      for (std::size_t d = 1; d < kBand && d <= i; ++d)
-        factor_[i][0] -= factor_[i][d] * factor_[i][d];
-      factor_[i][0] = std::sqrt(factor_[i][0]);
-    }
-  }
-
-  std::vector<Spline::Weights> weights_;  // by tick
-  std::vector<std::array<double, kBand>> factor_;
-};
 
 }  // namespace
 
@@ -136,7 +66,7 @@ std::vector<MotionPlan> MotionPlanner::Plans(
       const double limit = kLargestTorque * problem.joints[j].limits.torque_max_nm;
       plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
     }
-    plans[m].feed_forward = FeedForwardOf(torques, m, motion_.Ticks(motions[m]));
+    plans[m].feed_forward = FeedForwardOf(torques, m, motion_.Duration_s(motions[m]));
   }
   return plans;
 }
@@ -163,8 +93,9 @@ void MotionPlanner::NoteUnrest(const PacketSetpoints& setpoints, LaneState<Packe
 }
 
 std::vector<double> MotionPlanner::FeedForwardOf(const std::vector<Packet>& torques,
-                                                 std::size_t lane, int ticks) const {
-  const TickSpline spline(ticks);
+                                                 std::size_t lane, double duration_s) const {
+  const int ticks = RobustTask::Ticks(duration_s);
+  const TickSpline spline(duration_s, ticks);
   const std::size_t joints = task_.joints;
   // Motions of a packet end one after the other, and so do their settle phases.
   const std::size_t rests =

@@ -45,7 +45,7 @@ class MotionPlanner {
   /// offline/certify/certificate.h): the least-squares spline through the torques, for each tick
   /// and joint.
   [[nodiscard]] std::vector<double> FeedForwardOf(const std::vector<Packet>& torques,
-                                                  std::size_t lane, int ticks) const;
+                                                  std::size_t lane, double duration_s) const;
 
   const RobustTask& task_;
   const RobustMotion& motion_;

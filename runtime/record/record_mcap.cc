@@ -14,9 +14,6 @@
 namespace tumbler {
 namespace {
 
-/// Time from one message about the run as a whole to the next.
-constexpr std::int64_t kRunPeriod_ns = 250'000'000;
-
 McapWriter::Texts TextsAbout(const RecordConfiguration& configuration) {
   return {{"record_made_by", configuration.program},
           {"bus", configuration.bus},

@@ -11,8 +11,6 @@
 namespace tumbler {
 namespace {
 
-constexpr std::int64_t kRunPeriod_ns = 250'000'000;
-
 /// Both types of true states begin with their time, behind the fingerprint.
 std::int64_t TimeOfTruth(std::span<const std::uint8_t> truth) {
   constexpr std::size_t kFingerprintBytes = 8, kTimeBytes = 8;

@@ -23,7 +23,7 @@ namespace tumbler {
 
 /// What run_t says besides what follows from ticks. Exports share it with whoever runs the loop; a
 /// thread that was left behind still has it.
-struct RunFigures {
+struct LiveFigures {
   std::atomic<std::int64_t> lost{0};         ///< Ticks for which an output had no room.
   std::atomic<std::int64_t> unpublished{0};  ///< Messages that LCM did not take.
   std::mutex mutex;                          ///< Guards the rest; the loop never asks for it.
@@ -39,7 +39,7 @@ struct RunExportConfig {
   /// Whether files appear only when they are whole, by Commit: where what they are made of is kept
   /// elsewhere. Else a run that is ended leaves what it has written.
   bool whole_files = false;
-  std::shared_ptr<RunFigures> figures = std::make_shared<RunFigures>();
+  std::shared_ptr<LiveFigures> figures = std::make_shared<LiveFigures>();
 };
 
 /// An export into a file.
@@ -84,7 +84,7 @@ class MessageStream {
     if (ticked_) EmitRun(last_time_ns_);
   }
   [[nodiscard]] bool ticked() const { return ticked_; }
-  [[nodiscard]] RunFigures& figures() const { return *figures_; }
+  [[nodiscard]] LiveFigures& figures() const { return *figures_; }
 
  private:
   template <typename Message>
@@ -93,7 +93,7 @@ class MessageStream {
                     std::int64_t time_ns) = 0;
 
   std::int64_t number_;
-  std::shared_ptr<RunFigures> figures_;
+  std::shared_ptr<LiveFigures> figures_;
   state_t message_;
   EventWatch events_;
   RunMessage run_;

@@ -15,6 +15,9 @@
 
 namespace tumbler {
 
+/// Time from one message about the run as a whole to the next.
+inline constexpr std::int64_t kRunPeriod_ns = 250'000'000;
+
 /// A run as it is known so far: what run_t is made of.
 struct RunSoFar {
   RunDescription about;

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -16,13 +15,6 @@
 
 namespace tumbler {
 namespace {
-
-/// No output: ticks are counted alone.
-class NoExport final : public RunExport {
- public:
-  NoExport() : RunExport("") {}
-  void Take(const TickEntry& /*entry*/, const TimedRecord& /*timed*/) override {}
-};
 
 class LiveExport final : public RunExport, private MessageStream {
  public:
@@ -49,8 +41,7 @@ class LiveExport final : public RunExport, private MessageStream {
       const std::lock_guard lock(figures().mutex);
       if (!figures().checking) return;
     }
-    constexpr std::chrono::milliseconds kCheckPeriod(250);
-    next_check_ = now + kCheckPeriod;
+    next_check_ = now + std::chrono::nanoseconds(kRunPeriod_ns);
     EmitRun(0);
   }
   void Finish() override {
@@ -79,7 +70,7 @@ class ExportWriter final : public TickWriter {
  public:
   /// @param figures  get ticks that cannot be read.
   ExportWriter(std::unique_ptr<RunExport> out, const SampleTimes& replies,
-               std::shared_ptr<RunFigures> figures)
+               std::shared_ptr<LiveFigures> figures)
       : out_(std::move(out)), records_(replies), figures_(std::move(figures)) {}
 
   void Take(std::span<const std::uint8_t> message) override {
@@ -102,7 +93,7 @@ class ExportWriter final : public TickWriter {
  private:
   std::unique_ptr<RunExport> out_;
   TimedRecords records_;
-  std::shared_ptr<RunFigures> figures_;
+  std::shared_ptr<LiveFigures> figures_;
   TickEntry entry_;
   std::atomic<std::int64_t> written_{0};
 };
@@ -121,7 +112,6 @@ struct Telemetry::Implementation {
     if (!config.truth_file.empty())
       Add(std::make_unique<TruthLogExport>(config.truth_file, exports));
     if (!config.lcm_url.empty()) Add(std::make_unique<LiveExport>(config.lcm_url, exports));
-    if (outputs.empty()) Add(std::make_unique<NoExport>());
   }
 
   struct Output {
@@ -137,7 +127,7 @@ struct Telemetry::Implementation {
   }
 
   SampleTimes replies;
-  std::shared_ptr<RunFigures> figures = std::make_shared<RunFigures>();
+  std::shared_ptr<LiveFigures> figures = std::make_shared<LiveFigures>();
   std::vector<Output> outputs;
 };
 
@@ -200,10 +190,12 @@ std::int64_t Telemetry::unpublished() const noexcept {
   return implementation_->figures->unpublished;
 }
 std::int64_t Telemetry::written() const noexcept {
-  std::int64_t least = std::numeric_limits<std::int64_t>::max();
-  for (const Implementation::Output& output : implementation_->outputs)
-    least = std::min(least, output.writer->written());
-  return least;
+  const auto& outputs = implementation_->outputs;
+  if (outputs.empty()) return 0;
+  return std::ranges::min_element(
+             outputs, {},
+             [](const Implementation::Output& output) { return output.writer->written(); })
+      ->writer->written();
 }
 
 }  // namespace tumbler

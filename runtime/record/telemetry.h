@@ -57,7 +57,7 @@ class Telemetry final : public TickSink {
   /// Ticks for which an output had no room.
   [[nodiscard]] std::int64_t lost() const noexcept;
   [[nodiscard]] std::int64_t unpublished() const noexcept;  ///< Messages that LCM did not take.
-  /// Ticks that all outputs have taken.
+  /// Ticks that all outputs have taken; 0 where there is none.
   [[nodiscard]] std::int64_t written() const noexcept;
 
  private:

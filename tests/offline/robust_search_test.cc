@@ -287,7 +287,7 @@ double NearestAlong(const Problem& problem, const std::vector<double>& x) {
 TEST(RobustSearch, RobotsWhoseOwnShapesOverlapThoughThePlansDoNotAreLostToGainsInTheMotion) {
   // Encoders are off, so that some robots hold their legs nearer than the plan does.
   Problem problem =
-      ProblemOf(QuickRobustTask("zero_rad = 0.1\n[robust.feedback]\nlink = \"leg2_link\"\n"));
+      ProblemOf(QuickRobustTask("zero_rad = 0.03\n[robust.feedback]\nlink = \"leg2_link\"\n"));
   const std::vector<double> guess =
       SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
   EXPECT_LE(SolveRobust(problem, {}, guess).history.back().cost, 0.05);

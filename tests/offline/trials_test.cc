@@ -205,6 +205,16 @@ TEST(LaneTrials, LateSetpointsAndWrongZerosActInLanesAsInTheTwin) {
   EXPECT_NEAR(wrong[0], wrong[1], 2);
 }
 
+TEST(LaneTrials, RobotsWithWrongZerosRestAtTheStartAsInTheTwin) {
+  RobustnessStudy study = StudyOf("nominal/handstand.toml");
+  study.spreads = {.mass = 0, .friction = 0, .stiffness = 0, .damping = 0, .zero_rad = 0.01};
+  const RobustnessResult twin = RunStudy(study, 64, 1);
+  EXPECT_GE(twin.stands().count, 8);
+  EXPECT_LE(twin.stands().count, 56) << "some have to fall for this to say anything";
+  study.lanes = true;
+  EXPECT_GE(Compare(twin, RunStudy(study, 64, 1)).standing.count, 62);
+}
+
 TEST(LaneTrials, RobotsThatRockTooLongComeToRestInALongerHold) {
   RobustnessStudy study = StudyOf("nominal/handstand.toml");
   study.seed = 77;

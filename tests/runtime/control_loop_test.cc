@@ -37,10 +37,20 @@ std::string Temporary(const std::string& name) {
 
 using testing::LoopBench;
 
+/// A telemetry with an output: a log that is removed at the end.
+struct LogInto {
+  explicit LogInto(const std::string& name) { config.log_file = Temporary(name); }
+  LogInto(const LogInto&) = delete;
+  LogInto& operator=(const LogInto&) = delete;
+  ~LogInto() { std::filesystem::remove(config.log_file); }
+  TelemetryConfig config;
+};
+
 OperatorWish Wish(OperatorRequest request) { return {0, request}; }
 
 TEST(ControlLoop, PlaysAPrimitiveOnTwoRotorsInVirtualTime) {
-  LoopBench bench({});
+  const LogInto log("log");
+  LoopBench bench(log.config);
   bool setpoints_reach_the_motor = true;
   bench.Run([&] {
     const TickRecord& record = bench.loop->record();
@@ -342,7 +352,8 @@ TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
 }
 
 TEST(Telemetry, CountsWhatDoesNotFit) {
-  Telemetry telemetry({});
+  const LogInto log("log");
+  Telemetry telemetry(log.config);
   TickFeed feed({&telemetry});
   constexpr std::int64_t kTicks = 200'000;
   for (std::int64_t i = 0; i < kTicks; ++i) feed.Push({}, {}, {});
@@ -353,7 +364,8 @@ TEST(Telemetry, CountsWhatDoesNotFit) {
 }
 
 TEST(Telemetry, DrainsInItsThread) {
-  Telemetry telemetry({});
+  const LogInto log("log");
+  Telemetry telemetry(log.config);
   TickFeed feed({&telemetry});
   feed.Start();
   for (int i = 0; i < 1000; ++i) feed.Push({}, {}, {});
