@@ -138,13 +138,7 @@ class RunReader {
 
   void AddTick(const TickEntry& entry) {
     const TickRecord& record = entry.record;
-    RunTick tick;
-    tick.time_s = Seconds(entry.notes.deadline_ns - zero_ns_);
-    tick.tick = record.tick;
-    tick.state = record.state;
-    tick.reaction = record.reaction;
-    tick.node = int{record.node};
-    tick.primitive_time_s = double{record.primitive_time_s};
+    const RunTick tick = TickOf(entry, zero_ns_);
     const RunTick* const before = run_.ticks.empty() ? nullptr : &run_.ticks.back();
     if (before != nullptr && tick.time_s <= before->time_s) {
       throw RecordError(

@@ -16,10 +16,10 @@
 namespace tumbler {
 namespace {
 
-class LiveExport final : public RunExport, private MessageStream {
+class LiveExport final : public RunExport, private LcmStream {
  public:
   LiveExport(const std::string& url, const RunExportConfig& config)
-      : RunExport(""), MessageStream(config), live_(url) {
+      : RunExport(""), LcmStream(config), live_(url) {
     if (!live_.good()) {
       throw std::runtime_error(
           fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
@@ -111,6 +111,9 @@ struct Telemetry::Implementation {
     if (!config.trace_file.empty()) Add(std::make_unique<CsvExport>(config.trace_file, exports));
     if (!config.truth_file.empty())
       Add(std::make_unique<TruthLogExport>(config.truth_file, exports));
+    if (!config.candump_file.empty())
+      Add(std::make_unique<CandumpExport>(config.candump_file, exports));
+    if (config.another) Add(config.another(exports));
     if (!config.lcm_url.empty()) Add(std::make_unique<LiveExport>(config.lcm_url, exports));
   }
 
