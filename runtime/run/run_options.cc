@@ -103,7 +103,8 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
 void DeclareScheduling(CommandLine& line, RunOptions& options, ArmingNames& names,
                        const std::function<CommandLineOption(CommandLineOption)>& one) {
   one(line.Flag("--realtime", options.realtime,
-                "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock"));
+                "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock, "
+                "and ends as on an interface (--end)"));
   one(line.Flag("--without-realtime", options.without_realtime,
                 "arm a real bus even though they are not in force"));
   one(line.Option("--scheduling", names.scheduling,

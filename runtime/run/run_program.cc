@@ -518,11 +518,15 @@ void StopTelemetry(Telemetry& telemetry, bool stopped, RunSummary& summary) {
 }
 
 /// Says what ends a hold at the end that has no time of its own.
-void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& procedure) {
-  if (!options.drives_motors() || procedure.end_hold_ticks >= 0 || options.attended) return;
-  fmt::print(stderr,
-             "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
-             "or `tumbler ctl disarm` (--end torque-off does without)\n");
+void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& procedure,
+                        OperatorVoice& voice) {
+  if (options.virtual_time() || procedure.end_hold_ticks >= 0 || options.attended) return;
+  const bool writes =
+      std::ranges::any_of(options.files(), [](const std::string& file) { return !file.empty(); });
+  voice.Say(fmt::format(
+      "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
+      "or `tumbler ctl disarm` (--end torque-off does without){}",
+      writes ? "; the files of the run grow until then" : ""));
 }
 
 /// How long a tick takes by the clock.
@@ -602,7 +606,7 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
     feed.Add(recorder.get());
   }
 
-  NoteHoldWithoutEnd(options, procedure_config);
+  NoteHoldWithoutEnd(options, procedure_config, voice);
 
   world->Open();
   CatchInterrupts();
