@@ -144,6 +144,8 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   play.Run(procedure, period_ns, [&stop](const ControlLoop& /*loop*/) {
     if (stop) throw std::runtime_error("the run was stopped");
   });
+  if (const std::string problem = feed.TruthProblem(); !problem.empty())
+    throw std::runtime_error(fmt::format("{}: {}", plan.record, problem));
   return SummaryOf(plan, assembly, play, *recorder, *world);
 }
 

@@ -101,7 +101,9 @@ class ExportWriter final : public TickWriter {
 }  // namespace
 
 struct Telemetry::Implementation {
-  explicit Implementation(const TelemetryConfig& config) : replies(config.replies) {
+  explicit Implementation(const TelemetryConfig& config)
+      : replies(config.replies),
+        ring_bytes(RingBytes(config.run.joints.size(), config.run.rate_hz)) {
     RunExportConfig exports;
     exports.run = config.run;
     exports.utime_at_zero_us = config.utime_at_zero_us;
@@ -123,13 +125,12 @@ struct Telemetry::Implementation {
   };
 
   void Add(std::unique_ptr<RunExport> out) {
-    // Four seconds at 1 kHz, of many joints too. No stall of a disk was seen that lasted longer.
-    constexpr std::size_t kRingBytes = std::size_t{16} << 20U;
     auto writer = std::make_shared<ExportWriter>(std::move(out), replies, figures);
-    outputs.push_back({writer, std::make_unique<TickOutlet>(writer, kRingBytes)});
+    outputs.push_back({writer, std::make_unique<TickOutlet>(writer, ring_bytes)});
   }
 
   SampleTimes replies;
+  std::size_t ring_bytes;  // of each output
   std::shared_ptr<LiveFigures> figures = std::make_shared<LiveFigures>();
   std::vector<Output> outputs;
 };

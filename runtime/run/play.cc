@@ -89,6 +89,8 @@ std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
   FlightRecorderConfig config;
   config.file = file;
   config.configuration = EncodeConfiguration(configuration);
+  config.ring_bytes =
+      RingBytes(configuration.joints.size(), 1e9 / static_cast<double>(configuration.period_ns));
   config.say = std::move(say);
   return std::make_unique<FlightRecorder>(config);
 }

@@ -633,6 +633,8 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   const bool stopped =
       play.procedure().outcome() == RunOutcome::kStopped || play.procedure().quits();
   StopTelemetry(telemetry, stopped, summary);
+  if (std::string problem = feed.TruthProblem(); !problem.empty())
+    summary.unwritten.push_back(std::move(problem));
   // What was found by a run that was refused is what it was refused for.
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives, voice);
 
