@@ -11,6 +11,7 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "runtime/record/channels.h"
+#include "runtime/record/lcm_link.h"
 #include "runtime/record/run_exports.h"
 
 namespace tumbler {
@@ -20,12 +21,7 @@ class LiveExport final : public RunExport, private LcmStream {
  public:
   LiveExport(const std::string& url, const RunExportConfig& config)
       : RunExport(""), LcmStream(config), live_(url) {
-    if (!live_.good()) {
-      throw std::runtime_error(
-          fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
-                      "224.0.0.0/4 dev IFACE`)",
-                      url));
-    }
+    RequireUsable(live_, url);
   }
 
   void Take(const TickEntry& /*entry*/, const TimedRecord& timed) override { TakeTick(timed); }
