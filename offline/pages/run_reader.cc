@@ -34,8 +34,7 @@ class RunReader {
   RunReader(FlightRecord& record, const std::string& truth_log)
       : record_(record),
         configuration_(record.configuration()),
-        motion_(LoadMotion(configuration_.motion_file,
-                           [this](const std::string& path) { return TextOf(path); })),
+        motion_(LoadMotion(configuration_.motion_file, RecordedFiles(configuration_))),
         assembly_(Assemble(configuration_)),
         events_(motion_.graph, configuration_.joints, ErrorCodesOf(assembly_.parts().drives)) {
     run_.name = record.name();
@@ -70,13 +69,6 @@ class RunReader {
   RunData Take() { return std::move(run_); }
 
  private:
-  [[nodiscard]] std::string TextOf(const std::string& path) const {
-    for (const LoadedFile& file : configuration_.files) {
-      if (file.path == path) return file.text;
-    }
-    throw RecordError(fmt::format("{}: '{}' is not among its files", run_.name, path));
-  }
-
   void FindRobot() {
     const PrimitiveFile& first = motion_.primitives.front();
     if (!first.entry.is_in_space()) {
