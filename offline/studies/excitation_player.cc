@@ -28,15 +28,19 @@ ExcitationSetpoints ExcitationSetpointsOf(double duration_s,
   return setpoints;
 }
 
-std::array<PlayedExcitation, Packet::kLanes> ExcitationPlayer::Play(
-    const std::array<LaneRobot<double>, kLanes>& robots,
-    const std::array<const ExcitationSetpoints*, kLanes>& setpoints, int finer) const {
-  const std::size_t joints = problem_.joints.size();
+LaneState<Packet> ExcitationPlayer::Start() const {
   LaneState<double> start{};
   std::copy(problem_.start_q.begin(), problem_.start_q.end(), start.q.begin());
   std::array<LaneState<double>, kLanes> states;
   states.fill(start);
-  LaneState<Packet> state = PackLanes<LaneState>(states);
+  return PackLanes<LaneState>(states);
+}
+
+std::array<PlayedExcitation, Packet::kLanes> ExcitationPlayer::Play(
+    const std::array<LaneRobot<double>, kLanes>& robots,
+    const std::array<const ExcitationSetpoints*, kLanes>& setpoints, int finer) const {
+  const std::size_t joints = problem_.joints.size();
+  LaneState<Packet> state = Start();
   const LaneRobot<Packet> packed = PackLanes<LaneRobot>(robots);
   HeldSetpoints<Packet> held{};
   LaneWatch<Packet> watch;
@@ -103,11 +107,7 @@ void ExcitationPlayer::AddFeedForward(std::array<ExcitationSetpoints, kLanes>& s
   }
   std::array<LaneRobot<double>, kLanes> robots;
   robots.fill(lanes_.robot);
-  LaneState<double> start{};
-  std::copy(problem_.start_q.begin(), problem_.start_q.end(), start.q.begin());
-  std::array<LaneState<double>, kLanes> states;
-  states.fill(start);
-  LaneState<Packet> state = PackLanes<LaneState>(states);
+  LaneState<Packet> state = Start();
   LaneWatch<Packet> watch;
   std::vector<Packet> torques(plan.size());
   (*PacketKernels().front())

@@ -52,6 +52,9 @@ class ExcitationPlayer {
   void AddFeedForward(std::array<ExcitationSetpoints, kLanes>& setpoints) const;
 
  private:
+  /// Robots at rest where the motion begins.
+  [[nodiscard]] LaneState<Packet> Start() const;
+
   const Problem& problem_;
   const LaneScene& lanes_;
 };
