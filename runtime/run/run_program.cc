@@ -337,13 +337,7 @@ RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
 /// @param commands  nothing: the run took no requests by LCM.
 void EndSummary(const Play& play, const Telemetry& telemetry,
                 const std::optional<LcmCommands>& commands, RunSummary& summary) {
-  summary.cycles = play.loop().record().cycles;
-  summary.runs = play.procedure().runs();
-  summary.outcome = play.procedure().outcome();
-  summary.reason = play.Reason(summary.joints);
-  if (summary.reason.empty() && summary.outcome == RunOutcome::kStopped)
-    summary.reason = "stopped by the operator";
-  summary.statistics = play.loop().statistics();
+  play.Conclude(summary);
   summary.lost_records = telemetry.lost();
   summary.unpublished_messages = telemetry.unpublished();
   if (commands) {
@@ -370,14 +364,6 @@ class EndPatience {
  private:
   bool stopped_;
 };
-
-/// Completes the flight record.
-void StopRecorder(FlightRecorder& recorder, bool stopped, RunSummary& summary) {
-  recorder.Stop(ToOutcome(summary), EndPatience(stopped));
-  summary.recorded_ticks = recorder.recorded();
-  summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
-  summary.record_problem = recorder.problem();
-}
 
 /// Takes those that are not whole out of the list of files that were written. What could not be
 /// written begins with the files' names, as in `a.log, a.csv: could not be written whole`.
@@ -640,7 +626,7 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
 
   EndSummary(play, telemetry, commands, summary);
   world->Summarize(summary);
-  if (recorder != nullptr) StopRecorder(*recorder, stopped, summary);
+  if (recorder != nullptr) StopRecorder(*recorder, summary, EndPatience(stopped));
   return summary;
 }
 
