@@ -256,7 +256,7 @@ TelemetryConfig TelemetryOf(const RunOptions& options, const RunParts& parts,
   config.truth_file = options.truth;
   config.candump_file = options.candump;
   if (!options.mcap.empty()) {
-    config.another = [&](const RunExportConfig& exports) {
+    config.another = [&, pictures](const RunExportConfig& exports) {
       return std::make_unique<McapExport>(options.mcap, exports, about, options.simulated(),
                                           pictures, parts.file);
     };
