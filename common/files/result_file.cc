@@ -66,6 +66,9 @@ int OpenNameless(const std::filesystem::path& folder) {
   return open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
 }
 
+/// The name by which this program opens what it has open.
+std::string NameOfOpen(int descriptor) { return fmt::format("/proc/self/fd/{}", descriptor); }
+
 /// Makes a file to find out whether the folder can be written: permissions tell nothing about a
 /// file system that is mounted read-only, or to the super-user. A program that is ended meanwhile
 /// leaves nothing behind where files may have no name.
@@ -172,45 +175,23 @@ void PendingFiles::Commit() {
 PendingName::PendingName(const std::string& path) : to_open_(path) {
   if (IsDevice(path)) return;
   CheckWritable(path);
-  to_open_ = place_.emplace(path).temporary().string();
-}
-
-PendingStream::PendingStream(const std::string& path) {
-  CheckWritable(path);
   place_.emplace(path);
-  file_ = OpenNameless(place_->path().parent_path());
-  if (file_ >= 0) return;
-  file_ = open(place_->temporary().c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC,
-               kAllMayReadAndWrite);
-  if (file_ < 0) FailWrite(path, SystemMessage(errno));
-  named_ = true;
+  nameless_ = OpenNameless(place_->path().parent_path());
+  to_open_ = nameless_ < 0 ? place_->temporary().string() : NameOfOpen(nameless_);
 }
 
-PendingStream::~PendingStream() {
-  if (file_ >= 0) close(file_);
+PendingName::~PendingName() {
+  if (nameless_ >= 0) close(nameless_);
 }
 
-void PendingStream::Write(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t count = write(file_, bytes.data(), bytes.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) FailWrite(place_->path().string(), SystemMessage(errno));
-    bytes.remove_prefix(static_cast<std::size_t>(count));
-  }
-}
-
-void PendingStream::Commit() {
-  if (!named_) {
-    const std::string nameless = fmt::format("/proc/self/fd/{}", file_);
+void PendingName::Commit() {
+  if (!place_) return;
+  if (nameless_ >= 0) {
     const char* const temporary = place_->temporary().c_str();
     unlink(temporary);  // one of a program that was ended here, by the same number
-    if (linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, temporary, AT_SYMLINK_FOLLOW) != 0)
+    if (linkat(AT_FDCWD, to_open_.c_str(), AT_FDCWD, temporary, AT_SYMLINK_FOLLOW) != 0)
       FailWrite(place_->path().string(), SystemMessage(errno));
-    named_ = true;
   }
-  const int closed = close(file_);
-  file_ = -1;
-  if (closed != 0) FailWrite(place_->path().string(), SystemMessage(errno));
   place_->Commit();
 }
 

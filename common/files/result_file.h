@@ -76,46 +76,27 @@ class PendingFiles {
   std::list<PendingFile> files_;
 };
 
-/// The same for a file that something else writes, which opens it by a name. A program that is
-/// ended before Commit leaves at most a file of another name. A device is opened by its own name,
-/// and takes what is written as it comes.
+/// The same for a file that is written bit by bit by whoever opens it, in this program. Where the
+/// file system has files without a name (all usual ones do), a program that is ended before Commit
+/// leaves nothing behind. A device is opened by its own name, and takes what is written as it
+/// comes.
 class PendingName {
  public:
   /// @throws FileError  when no such file can be written.
   explicit PendingName(const std::string& path);
+  ~PendingName();
+  PendingName(const PendingName&) = delete;
+  PendingName& operator=(const PendingName&) = delete;
+
   /// The name to open.
   [[nodiscard]] const std::string& to_open() const { return to_open_; }
   /// Puts the file in place, once it is closed or flushed. @throws FileError  when that fails.
-  void Commit() {
-    if (place_) place_->Commit();
-  }
+  void Commit();
 
  private:
   std::optional<PendingPlace> place_;  // of a device: none
   std::string to_open_;
-};
-
-/// The same for a file that is too long to be kept in memory: written bit by bit, it appears by
-/// Commit. Where the file system has files without a name (all usual ones do), a program that is
-/// ended before leaves nothing behind.
-class PendingStream {
- public:
-  /// @throws FileError  when it cannot be written, or its name is that of something other than a
-  /// regular file.
-  explicit PendingStream(const std::string& path);
-  ~PendingStream();
-  PendingStream(const PendingStream&) = delete;
-  PendingStream& operator=(const PendingStream&) = delete;
-
-  /// Appends bytes. @throws FileError  when that fails, e.g. since the disk is full.
-  void Write(std::string_view bytes);
-  /// Puts the file in place. @throws FileError  when that fails.
-  void Commit();
-
- private:
-  std::optional<PendingPlace> place_;
-  int file_ = -1;
-  bool named_ = false;  ///< Whether the file has its temporary name.
+  int nameless_ = -1;  // holds a file that has no name yet
 };
 
 /// Holds a file for one writer that writes it bit by bit under its own name: another program that

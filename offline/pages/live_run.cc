@@ -1,7 +1,5 @@
 #include "offline/pages/live_run.h"
 
-#include <fmt/format.h>
-
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -9,7 +7,6 @@
 #include <mutex>
 #include <optional>
 #include <random>
-#include <stdexcept>
 #include <thread>
 #include <tumbler/command_t.hpp>
 
@@ -46,15 +43,7 @@ struct LiveRun::Implementation {
         feed(feed_in),
         lcm(url),
         run(robot.get()) {
-    if (!lcm.good()) {
-      throw std::runtime_error(fmt::format(
-          "{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add 224.0.0.0/4 "
-          "dev IFACE`)",
-          url));
-    }
-    if (lcm.getFileno() < 0) {
-      throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
-    }
+    RequireListening(lcm, url);
     SubscribeToWholeMessages([this] {
       Subscribe<state_t>(kStateChannel);
       Subscribe<event_t>(kEventChannel);

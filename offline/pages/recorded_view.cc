@@ -13,6 +13,7 @@
 #include "runtime/record/message_readers.h"
 #include "runtime/record/messages.h"
 #include "runtime/record/record_export.h"
+#include "runtime/record/recorded_assembly.h"
 
 namespace tumbler {
 namespace {
@@ -20,16 +21,6 @@ namespace {
 constexpr std::int64_t kFramesMax = 6000;
 constexpr std::int64_t kEventsMax = 2000;
 constexpr std::int64_t kFiguresEvery_ns = 250'000'000;  // as telemetry sends them
-
-SequenceFile MotionOf(const FlightRecord& record) {
-  const RecordConfiguration& configuration = record.configuration();
-  return LoadMotion(configuration.motion_file, [&](const std::string& path) {
-    for (const LoadedFile& file : configuration.files) {
-      if (file.path == path) return file.text;
-    }
-    throw RecordError(fmt::format("{}: '{}' is not among its files", record.name(), path));
-  });
-}
 
 std::int64_t CountTicks(FlightRecord& record) {
   const auto entry = std::make_unique<TickEntry>();
@@ -46,7 +37,8 @@ RecordedRun RecordedView(const std::string& path) {
   FlightRecord record(file.bytes(), path);
   const std::int64_t ticks = CountTicks(record);
   if (ticks < 2) throw RecordError(fmt::format("{}: holds {} ticks", path, ticks));
-  ViewedRobot robot(MotionOf(record));
+  const RecordConfiguration& configuration = record.configuration();
+  ViewedRobot robot(LoadMotion(configuration.motion_file, RecordedFiles(configuration)));
   ViewedRun run(&robot);
   const RunDescription about = DescribeRun(record.configuration());
   EventWatch watch(about);

@@ -29,6 +29,18 @@ const char* ToString(RunEvent::Kind kind) {
   return "?";
 }
 
+RunTick TickOf(const TickEntry& entry, std::int64_t zero_ns) {
+  const TickRecord& record = entry.record;
+  RunTick tick;
+  tick.time_s = static_cast<double>(entry.notes.deadline_ns - zero_ns) / 1e9;
+  tick.tick = record.tick;
+  tick.state = record.state;
+  tick.reaction = record.reaction;
+  tick.node = int{record.node};
+  tick.primitive_time_s = double{record.primitive_time_s};
+  return tick;
+}
+
 std::int64_t RunLatency::PercentileNs(double share) const {
   if (values_ns.empty()) return 0;
   const double at = std::ceil(share * static_cast<double>(values_ns.size())) - 1;

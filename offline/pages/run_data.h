@@ -9,7 +9,7 @@
 
 #include "offline/pages/report.h"
 #include "offline/pages/space_page.h"
-#include "runtime/executor/tick.h"
+#include "runtime/executor/tick_entry.h"
 
 namespace tumbler {
 
@@ -46,6 +46,9 @@ struct RunTick {
   int node = 0;
   double primitive_time_s = 0;
 };
+
+/// @param zero_ns  time 0 of pages on the clock of the loop.
+RunTick TickOf(const TickEntry& entry, std::int64_t zero_ns);
 
 /// All durations of one kind in a run.
 struct RunLatency {

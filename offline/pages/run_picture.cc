@@ -12,10 +12,11 @@
 #include "common/core/functions.h"
 #include "common/files/sequence_toml.h"
 #include "offline/model/robot.h"
+#include "offline/pages/robot_paths.h"
 #include "offline/pages/run_data.h"
+#include "offline/pages/run_plan.h"
 #include "offline/pages/shown_scene.h"
 #include "offline/problem/simulated_motion.h"
-#include "runtime/record/flight_record.h"
 
 namespace tumbler {
 namespace {
@@ -203,46 +204,42 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
   return picture;
 }
 
-/// The plan of a run, as pages show it. The first link of a page is the root's.
-std::vector<PlannedInstant> PlanOf(const RunData& run, std::int64_t first_ns) {
-  std::vector<PlannedInstant> plan;
-  for (const ReportSample& sample : run.plan) {
-    const double since_s = sample.time_s - run.ticks.front().time_s;
-    const std::array<double, 3>& root = sample.link_poses.front();
-    std::vector<double> joints = sample.joint_positions_rad;
-    joints.insert(joints.end(), sample.passive_positions_rad.begin(),
-                  sample.passive_positions_rad.end());
-    plan.push_back(
-        {first_ns + std::llround(since_s * 1e9), {root[0], root[1], root[2]}, std::move(joints)});
-  }
-  return plan;
-}
+/// As pages show it.
+class PlanOfRun final : public RunPlanner {
+ public:
+  PlanOfRun(const SequenceFile& motion, std::int64_t period_ns)
+      : paths_(motion), plan_(paths_, static_cast<double>(period_ns) / 1e9, motion.graph.start) {}
 
-RecordPicture PictureOfRecord(const std::string& path) {
-  const MappedFile file(path);
-  FlightRecord record(file.bytes(), path);
-  const RecordConfiguration& configuration = record.configuration();
-  const auto text_of = [&](const std::string& name) {
-    for (const LoadedFile& loaded : configuration.files) {
-      if (loaded.path == name) return loaded.text;
-    }
-    throw RecordError(path + ": '" + name + "' is not among its files");
-  };
-  RecordPicture picture;
-  picture.robot = PictureOf(LoadMotion(configuration.motion_file, text_of), configuration.joints);
-  const auto entry = std::make_unique<TickEntry>();
-  if (!record.Next(*entry)) return picture;
-  picture.plan = PlanOf(ReadRun(path, ""), entry->notes.deadline_ns);
-  return picture;
+  std::optional<PlannedInstant> Take(const TickEntry& entry) override {
+    time_ns_ = entry.notes.deadline_ns;
+    return InstantOf(plan_.Take(TickOf(entry, 0)));
+  }
+  std::optional<PlannedInstant> Last() override { return InstantOf(plan_.Last()); }
+
+ private:
+  /// The first link of a page is the root's.
+  [[nodiscard]] std::optional<PlannedInstant> InstantOf(
+      const std::optional<ReportSample>& sample) const {
+    if (!sample) return std::nullopt;
+    const std::array<double, 3>& root = sample->link_poses.front();
+    std::vector<double> joints = sample->joint_positions_rad;
+    joints.insert(joints.end(), sample->passive_positions_rad.begin(),
+                  sample->passive_positions_rad.end());
+    return PlannedInstant{time_ns_, {root[0], root[1], root[2]}, std::move(joints)};
+  }
+
+  RobotPaths paths_;
+  RunPlan plan_;
+  std::int64_t time_ns_ = 0;
+};
+
+std::unique_ptr<RunPlanner> PlannerOf(const SequenceFile& motion, std::int64_t period_ns) {
+  if (motion.primitives.front().entry.is_in_space()) return nullptr;
+  return std::make_unique<PlanOfRun>(motion, period_ns);
 }
 
 }  // namespace
 
-PictureSource MakePictureSource() {
-  return {[](const std::string& motion_file, const std::vector<std::string>& joints) {
-            return PictureOf(LoadMotion(motion_file), joints);
-          },
-          PictureOfRecord};
-}
+PictureSource MakePictureSource() { return {PictureOf, PlannerOf}; }
 
 }  // namespace tumbler

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/files/sequence_toml.h"
+#include "offline/pages/run_events.h"
 
 namespace tumbler {
 namespace {
@@ -18,53 +19,68 @@ constexpr double kTurn_rad = 2 * std::numbers::pi;
 /// Time between two samples of a run's plan. A display shows no finer motion.
 constexpr double kPlanSpacing_s = 0.005;
 
-/// The primitive's own time at tick i [s]. It advances with the speed of the run, goes on past
-/// the primitive's end while that is held, and stands still once the motion was broken off.
-/// @param last_running  a tick up to which the motion is known to be played; is moved on.
-double PlanTime(const RunData& run, std::size_t i, std::size_t& last_running) {
-  for (std::size_t k = last_running; k <= i; ++k) {
-    if (PlaysMotion(run.ticks[k].state, run.ticks[k].reaction)) last_running = k;
-  }
-  const RunTick& last = run.ticks[last_running];
-  const RunTick& next = run.ticks[std::min(last_running + 1, run.ticks.size() - 1)];
-  const bool rolled_out = last.state == ExecutorState::kFault && next.reaction == Reaction::kHold;
-  const bool ended = next.state == ExecutorState::kSettling || rolled_out;
-  return last.primitive_time_s + (ended ? run.ticks[i].time_s - last.time_s : 0);
-}
-
 }  // namespace
 
-void AddPlan(RunData& run, RobotPaths& paths, int start_node) {
-  const std::size_t step =
-      std::max<std::size_t>(1, static_cast<std::size_t>(kPlanSpacing_s / run.period_s));
-  double dx = 0, turn = 0;
-  int node = run.bands.empty() ? start_node : run.bands.front().node;
-  std::optional<double> began;  // start of the present node [s]
-  std::size_t band = 0;
-  std::size_t last_running = 0;
-  for (std::size_t i = 0; i < run.ticks.size(); ++i) {
-    const RunTick& tick = run.ticks[i];
-    if (band < run.bands.size() && tick.time_s >= run.bands[band].from_s) {
-      const int next = run.bands[band].node;
-      if (began) {
-        // The next node begins where this one ends.
-        const ReportSample& end = run.plan.back();
-        const ReportSample& begin = paths.PlanOf(next).front();
-        dx = end.link_poses[0][0] - begin.link_poses[0][0];
-        turn = kTurn_rad * std::round((end.root_pitch_rad - begin.root_pitch_rad) / kTurn_rad);
-      }
-      node = next;
-      began = tick.time_s;
-      ++band;
-    } else if (i % step != 0 && i + 1 != run.ticks.size()) {
-      continue;
-    }
-    const double t = began ? PlanTime(run, i, last_running) : 0;
-    ReportSample sample = paths.PlanAt(node, t);
-    sample.time_s = tick.time_s;
-    Place(sample, dx, turn);
-    run.plan.push_back(std::move(sample));
+RunPlan::RunPlan(RobotPaths& paths, double period_s, int start_node)
+    : paths_(paths),
+      step_(std::max<std::size_t>(1, static_cast<std::size_t>(kPlanSpacing_s / period_s))),
+      node_(start_node) {}
+
+std::optional<ReportSample> RunPlan::Take(const RunTick& tick) {
+  if (!last_ || PlaysMotion(tick.state, tick.reaction)) {
+    played_ = tick;
+    after_played_.reset();
+  } else if (!after_played_) {
+    after_played_ = tick;
   }
+  const bool begins = BeginsNode(tick, last_ ? &*last_ : nullptr);
+  last_ = tick;
+  given_ = begins || ticks_ % step_ == 0;
+  ++ticks_;
+  if (begins) {
+    if (began_) {
+      // The next node begins where this one ends.
+      const ReportSample& begin = paths_.PlanOf(tick.node).front();
+      dx_m_ = sample_.link_poses[0][0] - begin.link_poses[0][0];
+      turn_rad_ =
+          kTurn_rad * std::round((sample_.root_pitch_rad - begin.root_pitch_rad) / kTurn_rad);
+    }
+    node_ = tick.node;
+    began_ = true;
+  }
+  if (!given_) return std::nullopt;
+  return SampleAt(tick);
+}
+
+std::optional<ReportSample> RunPlan::Last() {
+  if (given_ || !last_) return std::nullopt;
+  return SampleAt(*last_);
+}
+
+/// It advances with the speed of the run, goes on past the primitive's end while that is held, and
+/// stands still once the motion was broken off.
+double RunPlan::PrimitiveTimeAt(const RunTick& tick) const {
+  if (!after_played_) return played_.primitive_time_s;
+  const bool rolled_out =
+      played_.state == ExecutorState::kFault && after_played_->reaction == Reaction::kHold;
+  const bool ended = after_played_->state == ExecutorState::kSettling || rolled_out;
+  return played_.primitive_time_s + (ended ? tick.time_s - played_.time_s : 0);
+}
+
+ReportSample RunPlan::SampleAt(const RunTick& tick) {
+  sample_ = paths_.PlanAt(node_, began_ ? PrimitiveTimeAt(tick) : 0);
+  sample_.time_s = tick.time_s;
+  Place(sample_, dx_m_, turn_rad_);
+  return sample_;
+}
+
+void AddPlan(RunData& run, RobotPaths& paths, int start_node) {
+  RunPlan plan(paths, run.period_s, run.bands.empty() ? start_node : run.bands.front().node);
+  const auto add = [&run](std::optional<ReportSample> sample) {
+    if (sample) run.plan.push_back(std::move(*sample));
+  };
+  for (const RunTick& tick : run.ticks) add(plan.Take(tick));
+  add(plan.Last());
 }
 
 RunData ReadPlan(const std::string& path) {

@@ -34,8 +34,7 @@ class RunReader {
   RunReader(FlightRecord& record, const std::string& truth_log)
       : record_(record),
         configuration_(record.configuration()),
-        motion_(LoadMotion(configuration_.motion_file,
-                           [this](const std::string& path) { return TextOf(path); })),
+        motion_(LoadMotion(configuration_.motion_file, RecordedFiles(configuration_))),
         assembly_(Assemble(configuration_)),
         events_(motion_.graph, configuration_.joints, ErrorCodesOf(assembly_.parts().drives)) {
     run_.name = record.name();
@@ -70,13 +69,6 @@ class RunReader {
   RunData Take() { return std::move(run_); }
 
  private:
-  [[nodiscard]] std::string TextOf(const std::string& path) const {
-    for (const LoadedFile& file : configuration_.files) {
-      if (file.path == path) return file.text;
-    }
-    throw RecordError(fmt::format("{}: '{}' is not among its files", run_.name, path));
-  }
-
   void FindRobot() {
     const PrimitiveFile& first = motion_.primitives.front();
     if (!first.entry.is_in_space()) {
@@ -138,13 +130,7 @@ class RunReader {
 
   void AddTick(const TickEntry& entry) {
     const TickRecord& record = entry.record;
-    RunTick tick;
-    tick.time_s = Seconds(entry.notes.deadline_ns - zero_ns_);
-    tick.tick = record.tick;
-    tick.state = record.state;
-    tick.reaction = record.reaction;
-    tick.node = int{record.node};
-    tick.primitive_time_s = double{record.primitive_time_s};
+    const RunTick tick = TickOf(entry, zero_ns_);
     const RunTick* const before = run_.ticks.empty() ? nullptr : &run_.ticks.back();
     if (before != nullptr && tick.time_s <= before->time_s) {
       throw RecordError(

@@ -204,6 +204,8 @@ ExitStatus Run(const Options& options) {
   }
   if (!options.json.empty()) WriteResult(options.json, JsonOf(options, robot));
   telemetry.Stop();
+  if (const std::string problem = feed.TruthProblem(); !problem.empty())
+    throw std::runtime_error(problem);
   return robot.posture().falls() + robot.posture().overlaps() > 0 ? ExitStatus::kAmiss
                                                                   : ExitStatus::kDone;
 }

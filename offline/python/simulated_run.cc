@@ -67,18 +67,9 @@ RunSummary SummaryOf(const SimulatedRunPlan& plan, const Assembly& assembly, con
   summary.worst_case_tick_bits = parts.drives.WorstCaseTickBits();
   summary.worst_case_load = parts.drives.WorstCaseLoad();
   summary.files = {plan.record};
-  summary.cycles = play.loop().record().cycles;
-  summary.runs = play.procedure().runs();
-  summary.outcome = play.procedure().outcome();
-  summary.reason = play.Reason(summary.joints);
-  summary.statistics = play.loop().statistics();
-  recorder.Stop(summary.reason.empty()
-                    ? ToString(summary.outcome)
-                    : fmt::format("{}: {}", ToString(summary.outcome), summary.reason));
-  summary.recorded_ticks = recorder.recorded();
-  summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
-  summary.record_problem = recorder.problem();
+  play.Conclude(summary);
   world.Summarize(summary);
+  StopRecorder(recorder, summary);
   return summary;
 }
 
@@ -144,6 +135,8 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   play.Run(procedure, period_ns, [&stop](const ControlLoop& /*loop*/) {
     if (stop) throw std::runtime_error("the run was stopped");
   });
+  if (const std::string problem = feed.TruthProblem(); !problem.empty())
+    throw std::runtime_error(fmt::format("{}: {}", plan.record, problem));
   return SummaryOf(plan, assembly, play, *recorder, *world);
 }
 

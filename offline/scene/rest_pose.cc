@@ -9,36 +9,17 @@
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
+#include "offline/scene/lowest_height.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
 namespace {
 
-constexpr double kReach_m = 10;
 constexpr double kStep_s = 1e-4;
 constexpr double kTime_s = 5;
 /// Numerical air resistance. It shortens the rocking and has no effect at rest.
 constexpr double kAir_per_s = 5;
 constexpr std::size_t kX = 0, kZ = 1, kPitch = 2;
-
-/// The height of the root at which the lowest shape just reaches the compliant layer, by bisection.
-double LowestHeight(SceneDynamics& robot, const Scene& scene) {
-  const auto touches = [&robot](double z) {
-    robot.q[kZ] = z;
-    robot.Touch();
-    return !robot.contact->active().empty();
-  };
-  double low = -kReach_m, high = kReach_m;
-  if (touches(high)) {
-    const ActiveContact<Plane>& inside = robot.contact->active().front();
-    throw std::runtime_error(fmt::format(
-        "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
-        "on it (a half-space lies behind its normal)",
-        high, inside.depth_m - scene.contact.d_on_m, TouchedName(scene, inside)));
-  }
-  for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
-  return high;
-}
 
 /// Whether nothing moves any more. On a slope, friction that grows with the speed of slipping lets
 /// the robot creep. That counts as rest where dry friction would hold it, and it goes on evenly
@@ -66,7 +47,7 @@ bool AtRest(const SceneDynamics& robot, const Scene& scene) {
 double TouchingHeight(const Scene& scene, const std::vector<double>& q) {
   SceneDynamics robot(scene);
   std::copy(q.begin(), q.end(), robot.q.begin());
-  return LowestHeight(robot, scene);
+  return LowestHeight(robot, scene, kZ);
 }
 
 double TurnFromHanging(const Scene& scene, std::span<const double> q) {
@@ -95,7 +76,7 @@ std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
   SceneDynamics robot(scene);
   const double pitch = q[kPitch];
   std::copy(q.begin(), q.end(), robot.q.begin());
-  robot.q[kZ] = LowestHeight(robot, scene);
+  robot.q[kZ] = LowestHeight(robot, scene, kZ);
   SceneDynamics::State y = robot.AtRest(robot.q);
   // A spring swings for longer than a robot rocks.
   const double time_s = scene.robot.passive.empty() ? kTime_s : 4 * kTime_s;
@@ -111,8 +92,8 @@ std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
     for (std::size_t i = 0; i < free; ++i) q[Index(robot.free[i])] = y[i];
     if (!moved) return q;
     // It fell over, or past all obstacles, or its position is not a number.
-    if (!(std::abs(q[kPitch] - pitch) <= std::numbers::pi / 2 && std::abs(q[kZ]) <= 2 * kReach_m &&
-          std::isfinite(q[0]))) {
+    if (!(std::abs(q[kPitch] - pitch) <= std::numbers::pi / 2 &&
+          std::abs(q[kZ]) <= 2 * kLowestReach_m && std::isfinite(q[0]))) {
       break;
     }
   }

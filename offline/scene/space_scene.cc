@@ -13,13 +13,13 @@
 #include "common/files/toml_reader.h"
 #include "offline/model/robot_review.h"
 #include "offline/scene/joints_alike.h"
+#include "offline/scene/lowest_height.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
 namespace in_space {
 namespace {
 
-constexpr double kReach_m = 10;
 constexpr double kStep_s = 1e-4;
 constexpr double kTime_s = 5;
 /// Numerical air resistance. It shortens the rocking and has no effect at rest.
@@ -32,25 +32,6 @@ void Place(const SpacePose& pose, SpaceDynamics& robot) {
   chart.axes = pose.orientation;
   robot.Use(chart);
   std::copy(pose.q.begin(), pose.q.end(), robot.q.begin());
-}
-
-/// The height at which the lowest shape just reaches the compliant layer, by bisection.
-double LowestHeight(SpaceDynamics& robot, const SpaceScene& scene) {
-  const auto touches = [&robot](double z) {
-    robot.q[kHeight] = z;
-    robot.Touch();
-    return !robot.contact->active().empty();
-  };
-  double low = -kReach_m, high = kReach_m;
-  if (touches(high)) {
-    const ActiveContact<Spatial>& inside = robot.contact->active().front();
-    throw std::runtime_error(fmt::format(
-        "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
-        "on it (a half-space lies behind its normal)",
-        high, inside.depth_m - scene.contact.d_on_m, TouchedName(scene, inside)));
-  }
-  for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
-  return high;
 }
 
 /// What the robot's bodies fill: its collision shapes but for meshes and their points, and the
@@ -180,13 +161,13 @@ const std::string& TouchedName(const SpaceScene& scene, const ActiveContact<Spat
 double TouchingHeight(const SpaceScene& scene, const SpacePose& pose) {
   SpaceDynamics robot(scene);
   in_space::Place(pose, robot);
-  return in_space::LowestHeight(robot, scene);
+  return LowestHeight(robot, scene, in_space::kHeight);
 }
 
 SpacePose RestPose(const SpaceScene& scene, SpacePose pose) {
   SpaceDynamics robot(scene);
   in_space::Place(pose, robot);
-  robot.q[in_space::kHeight] = in_space::LowestHeight(robot, scene);
+  robot.q[in_space::kHeight] = LowestHeight(robot, scene, in_space::kHeight);
   const SpaceVector up = pose.orientation.transpose().col(2);  // in the root's frame
   RootChart<Spatial> chart;
   chart.axes = pose.orientation;
@@ -208,7 +189,7 @@ SpacePose RestPose(const SpaceScene& scene, SpacePose pose) {
     pose.orientation = chart.axes;
     if (!moved) return pose;
     const bool upright = up.dot(chart.axes.transpose().col(2)) >= 0;
-    if (!(upright && std::abs(pose.q[in_space::kHeight]) <= 2 * in_space::kReach_m &&
+    if (!(upright && std::abs(pose.q[in_space::kHeight]) <= 2 * kLowestReach_m &&
           std::isfinite(pose.q[0])))
       break;
   }

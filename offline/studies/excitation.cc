@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <numbers>
 #include <stdexcept>
 #include <utility>
@@ -17,14 +16,11 @@
 #include "common/core/index.h"
 #include "common/files/sequence_toml.h"
 #include "common/files/toml_reader.h"
-#include "common/files/toml_writer.h"
 #include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
-#include "offline/scene/lane_kernel.h"
 #include "offline/scene/lane_scene.h"
-#include "offline/scene/normal.h"
 #include "offline/scene/robot_posterior.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/solve/cma_es.h"
@@ -32,26 +28,22 @@
 #include "offline/solve/joint_paths.h"
 #include "offline/solve/rollout.h"
 #include "offline/solve/solver.h"
+#include "offline/studies/excitation_player.h"
+#include "offline/studies/excitation_shape.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/recorded_replay.h"
 #include "offline/studies/robot_fit.h"
-#include "offline/studies/toml_edit.h"
 #include "offline/twin/simulated_robot.h"
 
 namespace tumbler {
 namespace {
 
-constexpr std::size_t kLanes = Packet::kLanes;
-constexpr double kTick_s = 1e-3;
+constexpr std::size_t kLanes = ExcitationPlayer::kLanes;
+constexpr double kStands_s = kExcitationStands_s, kAfter_s = kExcitationAfter_s,
+                 kTick_s = kExcitationTick_s;
 constexpr double kArrival_s = 0.2e-3;  // of a setpoint, on a bus of 1 Mbit/s
-/// Control points of a path: enough for waves of 5 Hz in 1.2 s.
-constexpr int kPointsPerSecond = 25;
-/// A robot stands so long before the motion begins in the primitive, and is watched after it.
-constexpr double kStands_s = 0.4, kAfter_s = 0.6;
-/// Of that a fit reads (ReadingSettings::settle_s).
+/// What a fit reads of the watch after a motion (ReadingSettings::settle_s).
 constexpr double kRead_s = 0.4;
-/// Of the waves of a joint [1/s]. Slower ones move everything together, faster ones do not get far.
-constexpr double kSlowest_hz = 0.8, kFastest_hz = 4.5;
 /// Amplitudes of a motion that are tried, the largest first: each is so much of the one before, and
 /// then each of those between the largest that is safe and the next larger one.
 constexpr double kLargest = 1.5, kSmaller = 0.65;
@@ -68,85 +60,6 @@ constexpr double kUnsafe = 1e9, kFalls = 1e6;
 /// Standard deviation of a reading of common drives, by two roundings to 14 and 16 bits [rad].
 constexpr double kReading_rad = 1.6e-4;
 
-/// The task of an excitation: the given one's robot, start, limits and ground, with an end at the
-/// start and no other aim than to rest there.
-std::string TextOfTask(const Task& given, double duration_s) {
-  constexpr std::array<std::string_view, 11> kKept = {
-      "format",  "version",  "robot", "root",   "start",       "limits",
-      "contact", "obstacle", "motor", "locked", "self_contact"};
-  const Problem& problem = given.problem;
-  TomlWriter writer("a task");
-  writer.Line("# Made by tumbler identify excite of " +
-              std::filesystem::path(given.task_file).filename().string() +
-              ": to be told from, and to end where it began.");
-  writer.Text("name", "identify_" + problem.name);
-  writer.Number("duration_s", duration_s);
-  writer.Number("settle_s", 0.5);
-  writer.Line(WithOnly(given.task_text, given.task_file, kKept));
-  writer.Line("[end.joints_rad]");
-  for (const ActuatedJoint& joint : problem.joints) {
-    const std::string& name = problem.scene.robot.tree.dofs[Index(joint.dof)].name;
-    writer.Number("\"" + name + "\"", joint.start_rad);
-  }
-  writer.Line("[spline]\ndegree = 5");
-  writer.Line(fmt::format("control_points = {}", std::lround(kPointsPerSecond * duration_s)));
-  writer.Line("[[cost]]\nterm = \"terminal\"\nof = \"pitch\"\nwhen = \"settled\"\nweight = 10.0");
-  writer.Number("target", problem.start_q[2]);
-  writer.Line(
-      "[[cost]]\nterm = \"terminal\"\nof = \"pitch_rate\"\nwhen = \"settled\"\nweight = 1.0");
-  writer.Line("[[cost]]\nterm = \"effort\"\nweight = 1e-4");
-  writer.Line("[drives]");
-  writer.Number("kp_nm_per_rad", problem.drive_gains().kp_nm_per_rad);
-  writer.Number("kd_nm_s_per_rad", problem.drive_gains().kd_nm_s_per_rad);
-  writer.Line("[solver]");
-  writer.Number("step_s", problem.solver.step_s);
-  return writer.Take();
-}
-
-/// Two waves for each joint.
-struct Shape {
-  struct Wave {
-    double hz = 0, phase = 0, part = 0;
-  };
-  std::vector<std::array<Wave, 2>> joints;
-};
-
-/// A shape as numbers of size 1, by joint and wave: rate between the slowest and the fastest, phase
-/// in turns, part.
-using MotionGenes = std::vector<double>;
-
-MotionGenes DrawGenes(std::size_t joints, std::uint64_t seed, std::uint64_t index) {
-  Normal random(seed, index);
-  MotionGenes genes;
-  const double together = random.DrawUniform();
-  const std::array<double, 2> both = {random.DrawUniform(), random.DrawUniform()};
-  for (std::size_t j = 0; j < joints; ++j) {
-    for (std::size_t w = 0; w < 2; ++w) {
-      // In a third of the motions all joints move at the same rates: legs sway.
-      const double own = random.DrawUniform();
-      genes.push_back(together < 1.0 / 3 ? both[w] : own);
-      genes.push_back(random.DrawUniform());
-      genes.push_back((w == 0 ? 1.0 : 0.6) * (0.3 + 0.7 * random.DrawUniform()));
-    }
-  }
-  return genes;
-}
-
-Shape ShapeOf(const MotionGenes& genes, std::size_t joints) {
-  Shape shape;
-  shape.joints.resize(joints);
-  auto gene = genes.begin();
-  for (auto& waves : shape.joints) {
-    for (Shape::Wave& wave : waves) {
-      wave.hz =
-          kSlowest_hz * portable::Power(kFastest_hz / kSlowest_hz, std::clamp(*gene++, 0., 1.));
-      wave.phase = 2 * std::numbers::pi * *gene++;
-      wave.part = std::clamp(*gene++, 0., 1.);
-    }
-  }
-  return shape;
-}
-
 /// The standard deviation to which a quantity is wanted; 0: to none.
 double WantedDeviation(RobotQuantity::Kind kind) {
   switch (kind) {
@@ -162,22 +75,12 @@ double WantedDeviation(RobotQuantity::Kind kind) {
   }
 }
 
-/// What a robot did in a motion.
-struct Played {
-  double pitch_rad = 0;  ///< Largest turn of the root.
-  double end_rad = 0;    ///< Its turn at the end.
-  double speed = 0;      ///< Largest of its velocities there.
-  double torque_share = 0;
-  double depth = 0;
-  double torque_nm = 0;
-};
-
 class Maker {
  public:
   Maker(const std::string& task_file, const ExcitationSettings& settings) : settings_(settings) {
     const Task given = LoadTask(task_file);
     CheckGiven(given, task_file);
-    task_ = ParseTask(TextOfTask(given, settings.duration_s + kStands_s), given.task_file,
+    task_ = ParseTask(TextOfExcitation(given, settings.duration_s + kStands_s), given.task_file,
                       given.robot_text, given.robot_file);
     drive_.kp = problem().drive_gains().kp_nm_per_rad;
     drive_.kd = problem().drive_gains().kd_nm_s_per_rad;
@@ -211,6 +114,7 @@ class Maker {
 
  private:
   [[nodiscard]] const Problem& problem() const { return task_.problem; }
+  [[nodiscard]] ExcitationPlayer player() const { return {problem(), lanes_}; }
   [[nodiscard]] bool Interrupted() const {
     return settings_.interrupt != nullptr && *settings_.interrupt;
   }
@@ -219,8 +123,7 @@ class Maker {
   }
   static std::uint64_t Number(int i) { return static_cast<std::uint64_t>(i); }
 
-  /// Setpoints of a motion, from the hold before it to the end.
-  using Setpoints = std::vector<std::vector<LaneSetpoint<double>>>;
+  using Setpoints = ExcitationSetpoints;
   struct Motion {
     std::vector<double> x;
     Setpoints setpoints;
@@ -301,7 +204,8 @@ class Maker {
   }
 
   /// Parameters of a shape with this amplitude: its values at the places of the control points.
-  [[nodiscard]] std::vector<double> ParametersOf(const Shape& shape, double amplitude_rad) const {
+  [[nodiscard]] std::vector<double> ParametersOf(const WaveShape& shape,
+                                                 double amplitude_rad) const {
     std::vector<double> x;
     for (std::size_t j = 0; j < problem().joints.size(); ++j) {
       const ActuatedJoint& joint = problem().joints[j];
@@ -314,7 +218,7 @@ class Maker {
         const double s = (place_s - kStands_s) / (problem().duration_s - kStands_s);
         const double window = s <= 0 ? 0 : std::min(1.0, 8 * s * (1 - s));
         double sum = 0;
-        for (const Shape::Wave& wave : shape.joints[j]) {
+        for (const WaveShape::Wave& wave : shape.joints[j]) {
           sum += wave.part * portable::Sin(2 * std::numbers::pi * wave.hz * place_s + wave.phase);
         }
         x.push_back(joint.start_rad + amplitude_rad * window * sum / 1.6);
@@ -363,88 +267,15 @@ class Maker {
     return splines;
   }
 
-  [[nodiscard]] static Setpoints SetpointsOf(double duration_s,
-                                             std::span<const JointMotion<double>::Spline> positions,
-                                             std::span<const JointMotion<double>::Spline> torques) {
-    Setpoints setpoints;
-    const auto ticks = static_cast<int>(std::ceil((duration_s + kAfter_s) / kTick_s - 1e-9));
-    for (int k = 0; k < ticks; ++k) {
-      const double t = k * kTick_s;
-      auto& tick = setpoints.emplace_back();
-      const double at_s = std::min(t, duration_s);
-      for (std::size_t j = 0; j < positions.size(); ++j) {
-        const auto at = positions[j].Evaluate(at_s);
-        const bool moves = t < duration_s;
-        const double torque = torques.empty() ? 0 : torques[j].Evaluate(at_s).value;
-        tick.push_back({at.value, moves ? at.first : 0, torque});
-      }
-    }
-    return setpoints;
-  }
-
-  /// Plays robots, each with its own setpoints.
-  [[nodiscard]] std::array<Played, kLanes> Play(
-      const std::array<LaneRobot<double>, kLanes>& robots,
-      const std::array<const Setpoints*, kLanes>& setpoints, int finer = 1) const {
-    const std::size_t joints = problem().joints.size();
-    LaneState<double> start{};
-    std::copy(problem().start_q.begin(), problem().start_q.end(), start.q.begin());
-    std::array<LaneState<double>, kLanes> states;
-    states.fill(start);
-    LaneState<Packet> state = PackLanes<LaneState>(states);
-    const LaneRobot<Packet> packed = PackLanes<LaneRobot>(robots);
-    HeldSetpoints<Packet> held{};
-    LaneWatch<Packet> watch;
-    std::vector<LaneSetpoint<Packet>> told(joints);
-    const LaneSteps steps{kTick_s, 4 * finer};
-    std::array<Played, kLanes> played{};
-    for (std::size_t k = 0; k < setpoints[0]->size(); ++k) {
-      for (std::size_t j = 0; j < joints; ++j) {
-        for (std::size_t lane = 0; lane < kLanes; ++lane) {
-          const LaneSetpoint<double>& s = (*setpoints[lane])[k][j];
-          told[j].position.set_lane(lane, s.position);
-          told[j].velocity.set_lane(lane, s.velocity);
-          told[j].third.set_lane(lane, s.third);
-        }
-        if (k == 0) held[j] = told[j];
-      }
-      // Until then a robot drops onto its own ground.
-      if (k == static_cast<std::size_t>(std::lround(kStands_s / kTick_s))) watch = {};
-      packets().drive(lanes_.model, packed, steps, told, held, state, watch);
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const double turn = std::abs(state.q[2].lane(lane) - problem().start_q[2]);
-        Played& of = played[lane];
-        of.pitch_rad = turn < of.pitch_rad ? of.pitch_rad : turn;  // keeps what is not a number
-        of.end_rad = turn;
-        of.speed = 0;
-        for (std::size_t d = 0; d < joints + 3; ++d)
-          of.speed = std::max(of.speed, std::abs(state.v[d].lane(lane)));
-      }
-    }
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      Played& of = played[lane];
-      of.depth = watch.depth.lane(lane);
-      for (std::size_t j = 0; j < joints; ++j) {
-        const double torque = watch.torque[j].lane(lane);
-        of.torque_nm = std::max(of.torque_nm, torque);
-        of.torque_share =
-            std::max(of.torque_share, torque / problem().joints[j].limits.torque_max_nm);
-      }
-    }
-    return played;
-  }
-
-  static const LaneKernel<Packet>& packets() { return *PacketKernels().front(); }
-
   /// Whether a robot stays where it was, and comes to rest.
-  [[nodiscard]] bool Stays(const Played& played) const {
+  [[nodiscard]] bool Stays(const PlayedExcitation& played) const {
     constexpr double kRest = 0.05;
     return played.pitch_rad < settings_.pitch_max_rad && played.end_rad < kBack_rad &&
            played.speed < kRest && played.depth < 0.9;
   }
 
   /// The shape with the largest amplitude that is safe for the model; no parameters: none is.
-  [[nodiscard]] Motion LargestSafe(const Shape& shape) const {
+  [[nodiscard]] Motion LargestSafe(const WaveShape& shape) const {
     Motion best;
     double largest = kLargest, part = kSmaller;
     for (int round = 0; round < 2; ++round) {
@@ -463,7 +294,7 @@ class Maker {
   }
 
   [[nodiscard]] std::pair<Motion, double> LargestSafeOf(
-      const Shape& shape, const std::array<double, kLanes>& amplitudes) const {
+      const WaveShape& shape, const std::array<double, kLanes>& amplitudes) const {
     std::array<std::vector<double>, kLanes> x;
     std::array<Setpoints, kLanes> setpoints;
     std::array<LaneRobot<double>, kLanes> robots;
@@ -474,66 +305,19 @@ class Maker {
       x[a] = ParametersOf(shape, settings_.joint_max_rad * amplitudes[a]);
       if (!KeepsPathLimits(x[a])) x[a].clear();
       any = any || !x[a].empty();
-      setpoints[a] = SetpointsOf(problem().duration_s,
-                                 SplinesOf(x[a].empty() ? ParametersOf(shape, 0) : x[a]), {});
+      setpoints[a] = ExcitationSetpointsOf(
+          problem().duration_s, SplinesOf(x[a].empty() ? ParametersOf(shape, 0) : x[a]), {});
       told[a] = &setpoints[a];
     }
     if (!any) return {};
-    AddFeedForward(setpoints);
-    const std::array<Played, kLanes> played = Play(robots, told);
+    player().AddFeedForward(setpoints);
+    const std::array<PlayedExcitation, kLanes> played = player().Play(robots, told);
     for (std::size_t a = 0; a < kLanes; ++a) {
       if (x[a].empty() || !Stays(played[a]) || played[a].torque_share > settings_.torque_share)
         continue;
       return {{x[a], setpoints[a]}, amplitudes[a]};
     }
     return {};
-  }
-
-  /// Adds what the model's motors need, as the primitive will have it: by steps of a quarter of a
-  /// tick, the mean of each tick.
-  void AddFeedForward(std::array<Setpoints, kLanes>& setpoints) const {
-    constexpr int kSteps = 4;
-    const std::size_t joints = problem().joints.size(), ticks = setpoints[0].size();
-    std::vector<LaneSetpoint<Packet>> plan(ticks * kSteps * joints);
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      for (std::size_t k = 0; k < ticks; ++k) {
-        for (std::size_t j = 0; j < joints; ++j) {
-          const LaneSetpoint<double>& now = setpoints[lane][k][j];
-          const LaneSetpoint<double>& next = setpoints[lane][std::min(k + 1, ticks - 1)][j];
-          for (int i = 0; i < kSteps; ++i) {
-            const double part = (i + 0.5) / kSteps;
-            LaneSetpoint<Packet>& of =
-                plan[(k * kSteps + static_cast<std::size_t>(i)) * joints + j];
-            const double a = (next.velocity - now.velocity) / kTick_s;
-            const double v = now.velocity + a * part * kTick_s;
-            of.position.set_lane(lane, now.position + part * kTick_s * 0.5 * (now.velocity + v));
-            of.velocity.set_lane(lane, v);
-            of.third.set_lane(lane, a);
-          }
-        }
-      }
-    }
-    std::array<LaneRobot<double>, kLanes> robots;
-    robots.fill(lanes_.robot);
-    LaneState<double> start{};
-    std::copy(problem().start_q.begin(), problem().start_q.end(), start.q.begin());
-    std::array<LaneState<double>, kLanes> states;
-    states.fill(start);
-    LaneState<Packet> state = PackLanes<LaneState>(states);
-    LaneWatch<Packet> watch;
-    std::vector<Packet> torques(plan.size());
-    packets().prescribe(lanes_.model, PackLanes<LaneRobot>(robots), kTick_s / kSteps, plan, state,
-                        watch, torques);
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      for (std::size_t k = 0; k < ticks; ++k) {
-        for (std::size_t j = 0; j < joints; ++j) {
-          double sum = 0;
-          for (std::size_t i = 0; i < kSteps; ++i)
-            sum += torques[(k * kSteps + i) * joints + j].lane(lane);
-          setpoints[lane][k][j].third = std::isfinite(sum) ? sum / kSteps : 0;
-        }
-      }
-    }
   }
 
   /// A record of a robot that is told this, but for its readings.
@@ -654,8 +438,9 @@ class Maker {
         positions.push_back(joint.position);
         torques.push_back(joint.torque);
       }
-      before_ += InformationOf(Imagined(SetpointsOf(first.primitive.duration_s, positions, torques),
-                                        StartOf(motion.file())));
+      before_ += InformationOf(
+          Imagined(ExcitationSetpointsOf(first.primitive.duration_s, positions, torques),
+                   StartOf(motion.file())));
     }
   }
 
@@ -691,7 +476,7 @@ class Maker {
       positions.push_back(joint.position);
       torques.push_back(joint.torque);
     }
-    const Setpoints setpoints = SetpointsOf(problem().duration_s, positions, torques);
+    const Setpoints setpoints = ExcitationSetpointsOf(problem().duration_s, positions, torques);
     if (!RobotsStay(setpoints, result)) return false;
     result.joint_rad.clear();
     for (std::size_t j = 0; j < positions.size(); ++j) {
@@ -728,7 +513,7 @@ class Maker {
           }
         }
       }
-      for (const Played& played : Play(robots, told, finer)) {
+      for (const PlayedExcitation& played : player().Play(robots, told, finer)) {
         ++result.robots;
         result.torque_nm = std::max(result.torque_nm, played.torque_nm);
         result.pitch_rad = std::max(result.pitch_rad, played.pitch_rad);

@@ -17,9 +17,7 @@ struct FlightRecorderConfig {
   std::string file;  ///< Must not exist: a record is never overwritten.
   /// The blocks before the first tick, without the file's header (`EncodeConfiguration`).
   RecordBytes configuration;
-  /// Room between loop and file. A tick of two joints takes about 300 bytes, so there is room for
-  /// 14 s at 1 kHz. No stall of a disk was seen that lasted longer.
-  std::size_t ring_bytes = std::size_t{4} << 20U;
+  std::size_t ring_bytes = RingBytes(2, 1000);  ///< Between loop and file.
   /// Called at once by the draining thread when recording has stopped or ticks were lost.
   std::function<void(const std::string&)> say;
 };

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
-#include <stdexcept>
 #include <thread>
 #include <utility>
 
@@ -90,9 +89,7 @@ struct LcmCommands::Implementation {
         address(address_in),
         say(std::move(say_in)),
         taken(address_in.age_max) {
-    if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
-    if (lcm.getFileno() < 0)
-      throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
+    RequireListening(lcm, url);
     // UndefinedBehaviorSanitizer objects to the overload for member functions.
     SubscribeToWholeMessages(
         [this] { lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this); });

@@ -1,5 +1,6 @@
 #include "runtime/record/lcm_link.h"
 
+#include <fmt/format.h>
 #include <linux/filter.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -11,6 +12,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -70,6 +72,20 @@ void SubscribeToWholeMessages(const std::function<void()>& subscribe) {
   done = true;
   filters.join();
   FilterSockets();
+}
+
+void RequireUsable(lcm::LCM& lcm, const std::string& url) {
+  if (lcm.good()) return;
+  throw std::runtime_error(
+      fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
+                  "224.0.0.0/4 dev IFACE`)",
+                  url));
+}
+
+void RequireListening(lcm::LCM& lcm, const std::string& url) {
+  RequireUsable(lcm, url);
+  if (lcm.getFileno() < 0)
+    throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
 }
 
 int HandleLcm(lcm::LCM& lcm, int timeout_ms) {

@@ -2,8 +2,14 @@
 
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
+#include <string>
 
 namespace tumbler {
+
+/// @throws std::runtime_error  naming the URL that LCM cannot use.
+void RequireUsable(lcm::LCM& lcm, const std::string& url);
+/// The same for a link that is listened to, also when no server answers there.
+void RequireListening(lcm::LCM& lcm, const std::string& url);
 
 /// Waits for a message, and hands it to its subscribers: `lcm::LCM::handleTimeout`, but for links
 /// that are broken, such as tcpq without a server, where that one ends the program. May wait

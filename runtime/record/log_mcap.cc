@@ -12,6 +12,7 @@
 #include <tumbler/space_truth_t.hpp>
 #include <tumbler/state_t.hpp>
 
+#include "common/files/result_file.h"
 #include "runtime/record/channels.h"
 #include "runtime/record/lcm_log.h"
 #include "runtime/record/message_readers.h"
@@ -55,8 +56,6 @@ LogFacts FactsOf(const std::string& path) {
 RunMcapConfig ConfigOf(const LogMcapConfig& log) {
   const LogFacts facts = FactsOf(log.log);
   RunMcapConfig config;
-  config.path = log.mcap;
-  config.program = log.program;
   if (facts.run) {
     config.joints = facts.run->joints;
     config.imagined_drives = facts.run->mode == "dry run";
@@ -79,7 +78,9 @@ RunMcapConfig ConfigOf(const LogMcapConfig& log) {
 }  // namespace
 
 void ExportLogMcap(const LogMcapConfig& config) {
-  RunMcap mcap(ConfigOf(config));
+  PendingName pending(config.mcap);
+  OutputFile file(pending.to_open(), config.mcap);
+  RunMcap mcap(ConfigOf(config), file);
   ForEachLogEvent(config.log, [&mcap](const lcm::LogEvent& event) {
     const auto time_ns =
         static_cast<std::uint64_t>(std::max<std::int64_t>(event.timestamp, 0)) * 1000;
@@ -91,6 +92,9 @@ void ExportLogMcap(const LogMcapConfig& config) {
       mcap.Take(time_ns, *truth);
   });
   mcap.Finish();
+  if (file.failed())
+    throw std::runtime_error(fmt::format("{}: could not be written whole", config.mcap));
+  pending.Commit();
 }
 
 }  // namespace tumbler

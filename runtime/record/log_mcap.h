@@ -12,7 +12,6 @@ namespace tumbler {
 struct LogMcapConfig {
   std::string log;
   std::string mcap;
-  std::string program;  ///< That writes it, with its version.
   /// The robot of a run with these joints; empty: the file has no frames and no scene.
   std::function<RobotPicture(const std::vector<std::string>& joints)> robot_of;
 };

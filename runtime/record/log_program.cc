@@ -19,6 +19,7 @@
 
 #include "common/files/printable.h"
 #include "common/files/result_file.h"
+#include "common/files/sequence_toml.h"
 #include "runtime/executor/faults.h"
 #include "runtime/record/channels.h"
 #include "runtime/record/lcm_log.h"
@@ -160,10 +161,9 @@ void ConvertToMcap(const LogExports& options, const PictureSource* pictures) {
   LogMcapConfig config;
   config.log = options.log;
   config.mcap = options.mcap;
-  config.program = "tumbler record " TUMBLER_VERSION;
   if (!options.motion.empty()) {
     config.robot_of = [&](const std::vector<std::string>& joints) {
-      return pictures->of_motion(options.motion, joints);
+      return pictures->robot_of(LoadMotion(options.motion), joints);
     };
   }
   ExportLogMcap(config);

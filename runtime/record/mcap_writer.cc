@@ -67,7 +67,7 @@ std::uint32_t CrcOf(std::string_view text, std::uint32_t before = 0) {
 
 }  // namespace
 
-McapWriter::McapWriter(const std::string& path, std::string_view library) : file_(path) {
+McapWriter::McapWriter(OutputFile& file, std::string_view library) : file_(file) {
   std::string header;
   PutText(header, "");  // No profile: names and types of topics are our own choice.
   PutText(header, library);
@@ -76,7 +76,7 @@ McapWriter::McapWriter(const std::string& path, std::string_view library) : file
 }
 
 void McapWriter::Append(std::string_view bytes) {
-  file_.Write(bytes);
+  file_.Append(bytes);
   crc_ = CrcOf(bytes, crc_);
   offset_ += bytes.size();
 }
@@ -247,7 +247,7 @@ void McapWriter::Finish() {
   Append(Record(Opcode::kDataEnd, data_end));
   Append(Summary());
   Append(kMagic);
-  file_.Commit();
+  file_.Flush();
 }
 
 }  // namespace tumbler

@@ -9,24 +9,22 @@
 #include <utility>
 #include <vector>
 
-#include "common/files/result_file.h"
+#include "runtime/record/output_file.h"
 
 namespace tumbler {
 
 /// Writes a file in the container format MCAP: messages in chunks that have checksums and indexes,
 /// and a summary at the end, so that readers find a time without reading the whole. Nothing is
-/// compressed. The same calls give the same bytes.
-///
-/// The file appears under its name when it is whole, by Finish, or not at all.
+/// compressed. The same calls give the same bytes. The file knows of failures.
 class McapWriter {
  public:
   using Schema = std::uint16_t;
   using Channel = std::uint16_t;
   using Texts = std::map<std::string, std::string>;
 
+  /// @param file     has to outlive the writer.
   /// @param library  the program that writes, for people.
-  /// @throws FileError  when the file cannot be written.
-  McapWriter(const std::string& path, std::string_view library);
+  McapWriter(OutputFile& file, std::string_view library);
 
   /// Adds a type of messages in Protocol Buffers.
   /// @param name         its full name, e.g. `foxglove.Log`.
@@ -37,11 +35,9 @@ class McapWriter {
   void AddMetadata(std::string_view name, const Texts& texts);
 
   /// Appends a message. Times of one channel should not decrease.
-  /// @throws FileError  when the file cannot be written any further.
   void Write(Channel channel, std::uint64_t time_ns, std::string_view message);
 
-  /// Writes the rest, and puts the file in place. Nothing may be called afterwards.
-  /// @throws FileError  when it could not be written whole.
+  /// Writes the rest. Nothing may be called afterwards.
   void Finish();
 
   /// How many messages were written.
@@ -58,7 +54,7 @@ class McapWriter {
   void CloseChunk();
   std::string Summary();
 
-  PendingStream file_;
+  OutputFile& file_;
   std::uint64_t offset_ = 0;                                           ///< Bytes written.
   std::uint32_t crc_ = 0;                                              ///< Of them.
   std::string schemas_, channels_, chunk_indexes_, metadata_indexes_;  ///< For the summary.

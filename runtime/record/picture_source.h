@@ -1,29 +1,41 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/files/sequence_toml.h"
+#include "runtime/executor/tick_entry.h"
 #include "runtime/record/robot_picture.h"
 
 namespace tumbler {
 
-/// What a flight record tells of the robot in it.
-struct RecordPicture {
-  RobotPicture robot;
-  std::vector<PlannedInstant> plan;  ///< In the order of time.
+/// Says of a run's ticks, in their order, where the robot is planned to be.
+class RunPlanner {
+ public:
+  RunPlanner() = default;
+  RunPlanner(const RunPlanner&) = delete;
+  RunPlanner& operator=(const RunPlanner&) = delete;
+  virtual ~RunPlanner() = default;
+
+  /// The plan at this tick: where a node begins, and every 5 ms.
+  [[nodiscard]] virtual std::optional<PlannedInstant> Take(const TickEntry& entry) = 0;
+  /// The plan at the last tick, unless Take gave it.
+  [[nodiscard]] virtual std::optional<PlannedInstant> Last() = 0;
 };
 
 /// Makes pictures of robots from the texts that motions carry. Robot files are read by what is no
 /// part of the runtime, so a program that has it passes this in.
 struct PictureSource {
-  /// The robot of a motion file. Its joints are numbered as in `joints`. Throws FileError.
-  std::function<RobotPicture(const std::string& motion_file,
-                             const std::vector<std::string>& joints)>
-      of_motion;
-  /// The robot and the plan of a flight record, given by its file. Throws FileError, RecordError or
-  /// std::runtime_error naming the file.
-  std::function<RecordPicture(const std::string& record_file)> of_record;
+  /// The robot of a motion. Its joints are numbered as in `joints`. Throws FileError.
+  std::function<RobotPicture(const SequenceFile& motion, const std::vector<std::string>& joints)>
+      robot_of;
+  /// The plan of a run of a motion; null for a robot in space, of which no page shows one. Throws
+  /// FileError.
+  std::function<std::unique_ptr<RunPlanner>(const SequenceFile& motion, std::int64_t period_ns)>
+      plan_of;
 };
 
 }  // namespace tumbler

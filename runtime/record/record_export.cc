@@ -20,7 +20,6 @@
 #include "runtime/record/message_readers.h"
 #include "runtime/record/recorded_assembly.h"
 #include "runtime/record/run_description.h"
-#include "runtime/record/run_exports.h"
 #include "runtime/record/sentences.h"
 #include "runtime/record/truth_csv.h"
 
@@ -145,20 +144,28 @@ std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& e
   return ticks;
 }
 
+RunExportConfig ExportConfigOf(const RecordConfiguration& configuration) {
+  RunExportConfig config;
+  config.run = DescribeRun(configuration);
+  config.utime_at_zero_us = configuration.utime_at_zero_us;
+  config.whole_files = true;
+  config.figures->scheduling = config.run.scheduling;
+  return config;
+}
+
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
-  const RecordConfiguration& configuration = record.configuration();
-  CandumpExport candump(path, configuration.bus, configuration.utime_at_zero_us);
+  RunExportConfig config;
+  config.run.bus = record.configuration().bus;
+  config.utime_at_zero_us = record.configuration().utime_at_zero_us;
+  config.whole_files = true;
+  CandumpExport candump(path, config);
   ExportRecord(record, {&candump});
   return candump.frames();
 }
 
 std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
                              const std::string& lcm_path) {
-  RunExportConfig config;
-  config.run = DescribeRun(record.configuration());
-  config.utime_at_zero_us = record.configuration().utime_at_zero_us;
-  config.whole_files = true;
-  config.figures->scheduling = config.run.scheduling;
+  const RunExportConfig config = ExportConfigOf(record.configuration());
   std::optional<LogExport> log;
   std::optional<CsvExport> csv;
   std::vector<RunExport*> exports;

@@ -6,7 +6,7 @@
 
 #include "runtime/record/flight_record.h"
 #include "runtime/record/run_description.h"
-#include "runtime/record/run_export.h"
+#include "runtime/record/run_exports.h"
 #include "runtime/record/timed_record.h"
 
 namespace tumbler {
@@ -19,6 +19,10 @@ namespace tumbler {
 /// @throws FileError or RecordError  about a file of the record that cannot be used.
 RunDescription DescribeRun(const RecordConfiguration& configuration);
 
+/// What exports of a record are told of its run. Their files appear when they are whole.
+/// @throws as DescribeRun.
+RunExportConfig ExportConfigOf(const RecordConfiguration& configuration);
+
 /// Makes exports of a record: hands them its ticks and true states, and puts their files in place
 /// once all of them are whole.
 /// @returns the number of ticks.
@@ -28,7 +32,7 @@ std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& e
 /// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
 /// which they were handed to the bus, received frames that of their arrival. Times count from 1970,
 /// or, for a run in virtual time, from its start. The file appears when it is whole, as those
-/// below.
+/// below. It needs none of the record's files.
 /// @returns the number of frames.
 /// @throws std::runtime_error  naming the file that cannot be written.
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path);

@@ -68,12 +68,10 @@ ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
   if (!options.truth.empty())
     fmt::print("{}: {} true states\n", options.truth, ExportTruth(record, options.truth));
   if (!options.mcap.empty()) {
-    std::optional<RecordPicture> picture;
-    if (pictures != nullptr) picture = pictures->of_record(options.record);
-    const std::int64_t ticks =
-        ExportMcap(record, options.mcap, "tumbler record " TUMBLER_VERSION, picture);
-    fmt::print("{}: {} ticks{}\n", options.mcap, ticks,
-               picture ? "" : ", without the robot, as this build cannot read robot files");
+    const std::int64_t ticks = ExportMcap(record, options.mcap, pictures);
+    fmt::print(
+        "{}: {} ticks{}\n", options.mcap, ticks,
+        pictures != nullptr ? "" : ", without the robot, as this build cannot read robot files");
   }
   if (exports) {
     for (const std::string& remark : record.Remarks()) {

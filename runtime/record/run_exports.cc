@@ -43,18 +43,21 @@ void MessageStream::EmitRun(std::int64_t time_ns) {
     run_.SetScheduling(figures_->scheduling);
     run_.SetCheck(figures_->checking && !ticked_, figures_->check_request);
   }
-  Encode(kRunChannel, run_.At(time_ns, figures_->lost, figures_->unpublished), time_ns);
+  const std::int64_t lost = std::max(figures_->lost.load(), missing_);
+  Put(run_.At(time_ns, lost, figures_->unpublished), time_ns);
 }
 
 void MessageStream::TakeTick(const TimedRecord& timed) {
   FillState(timed, message_);
   message_.run = number_;
   run_.Count(timed);
+  missing_ += timed.number - next_number_;
+  next_number_ = timed.number + 1;
   last_time_ns_ = timed.time_ns;
-  Encode(kStateChannel, message_, timed.time_ns);
+  Put(message_, timed.time_ns);
   if (auto event = events_.Next(timed)) {
     event->run = number_;
-    Encode(kEventChannel, *event, timed.time_ns);
+    Put(*event, timed.time_ns);
   }
   if (timed.time_ns >= next_run_ns_) {
     EmitRun(timed.time_ns);
@@ -63,12 +66,22 @@ void MessageStream::TakeTick(const TimedRecord& timed) {
   ticked_ = true;
 }
 
+void LcmStream::Put(const state_t& message, std::int64_t time_ns) {
+  Encode(kStateChannel, message, time_ns);
+}
+void LcmStream::Put(const event_t& message, std::int64_t time_ns) {
+  Encode(kEventChannel, message, time_ns);
+}
+void LcmStream::Put(const run_t& message, std::int64_t time_ns) {
+  Encode(kRunChannel, message, time_ns);
+}
+
 template <typename Message>
-void MessageStream::Encode(const char* channel, const Message& message, std::int64_t time_ns) {
+void LcmStream::Encode(const char* channel, const Message& message, std::int64_t time_ns) {
   const int size = message.getEncodedSize();
   buffer_.resize(static_cast<std::size_t>(size));
   if (message.encode(buffer_.data(), 0, size) != size) {
-    ++figures_->unpublished;
+    ++figures().unpublished;
     return;
   }
   Emit(channel, buffer_, time_ns);
@@ -94,9 +107,7 @@ void LcmEvents::AppendNumber(std::uint64_t number, int size) {
 }
 
 LogExport::LogExport(const std::string& path, const RunExportConfig& config)
-    : FileExport(path, config.whole_files),
-      MessageStream(config),
-      events_(config.utime_at_zero_us) {}
+    : FileExport(path, config.whole_files), LcmStream(config), events_(config.utime_at_zero_us) {}
 
 void LogExport::Take(const TickEntry& /*entry*/, const TimedRecord& timed) { TakeTick(timed); }
 
@@ -126,11 +137,10 @@ void TruthLogExport::TakeTruth(std::span<const std::uint8_t> truth) {
   events_.Append(kTruthChannel, truth, TimeOfTruth(truth), out());
 }
 
-CandumpExport::CandumpExport(const std::string& path, std::string bus,
-                             std::int64_t utime_at_zero_us)
-    : FileExport(path, true),
-      bus_(std::move(bus)),
-      utime_at_zero_us_(utime_at_zero_us),
+CandumpExport::CandumpExport(const std::string& path, const RunExportConfig& config)
+    : FileExport(path, config.whole_files),
+      bus_(config.run.bus),
+      utime_at_zero_us_(config.utime_at_zero_us),
       awake_before_ns_(std::numeric_limits<std::int64_t>::min()) {}
 
 // A frame that arrives while a tick's frames are sent belongs to the next tick. So frames are kept

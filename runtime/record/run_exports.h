@@ -68,7 +68,7 @@ class FileExport : public RunExport {
   OutputFile out_;
 };
 
-/// The messages of a run, whatever becomes of them.
+/// The messages about a run, whatever becomes of them.
 class MessageStream {
  public:
   explicit MessageStream(const RunExportConfig& config);
@@ -87,10 +87,10 @@ class MessageStream {
   [[nodiscard]] LiveFigures& figures() const { return *figures_; }
 
  private:
-  template <typename Message>
-  void Encode(const char* channel, const Message& message, std::int64_t time_ns);
-  virtual void Emit(const char* channel, std::span<const std::uint8_t> bytes,
-                    std::int64_t time_ns) = 0;
+  // Each with its time, on the clock of the loop.
+  virtual void Put(const state_t& message, std::int64_t time_ns) = 0;
+  virtual void Put(const event_t& message, std::int64_t time_ns) = 0;
+  virtual void Put(const run_t& message, std::int64_t time_ns) = 0;
 
   std::int64_t number_;
   std::shared_ptr<LiveFigures> figures_;
@@ -100,6 +100,24 @@ class MessageStream {
   std::int64_t next_run_ns_ = 0;  // time of the next run_t, on the loop's clock
   std::int64_t last_time_ns_ = 0;
   bool ticked_ = false;
+  std::int64_t next_number_ = 0;
+  std::int64_t missing_ = 0;  // ticks that did not come
+};
+
+/// The same, encoded for LCM.
+class LcmStream : public MessageStream {
+ protected:
+  using MessageStream::MessageStream;
+
+ private:
+  void Put(const state_t& message, std::int64_t time_ns) final;
+  void Put(const event_t& message, std::int64_t time_ns) final;
+  void Put(const run_t& message, std::int64_t time_ns) final;
+  template <typename Message>
+  void Encode(const char* channel, const Message& message, std::int64_t time_ns);
+  virtual void Emit(const char* channel, std::span<const std::uint8_t> bytes,
+                    std::int64_t time_ns) = 0;
+
   std::vector<std::uint8_t> buffer_;
 };
 
@@ -120,7 +138,7 @@ class LcmEvents {
 };
 
 /// All ticks, events and run_t as an LCM log, for lcm-logplayer and lcm-spy.
-class LogExport final : public FileExport, private MessageStream {
+class LogExport final : public FileExport, private LcmStream {
  public:
   LogExport(const std::string& path, const RunExportConfig& config);
   void Take(const TickEntry& entry, const TimedRecord& timed) override;
@@ -158,10 +176,10 @@ class TruthLogExport final : public FileExport {
 };
 
 /// All frames by time, as `candump -l` logs them. Sent frames have the time at which they were
-/// handed to the bus, received frames that of their arrival. The file appears when it is whole.
+/// handed to the bus, received frames that of their arrival.
 class CandumpExport final : public FileExport {
  public:
-  CandumpExport(const std::string& path, std::string bus, std::int64_t utime_at_zero_us);
+  CandumpExport(const std::string& path, const RunExportConfig& config);
   void Take(const TickEntry& entry, const TimedRecord& timed) override;
   void Finish() override;
   [[nodiscard]] std::int64_t frames() const { return count_; }

@@ -16,6 +16,7 @@ namespace {
 constexpr std::size_t kAskedTicks = 256;
 
 const char* const kWorld = "world";
+const char* const kProgram = "tumbler " TUMBLER_VERSION;
 constexpr SceneColor kTrueColor{0.23, 0.35, 0.60, 1.0};
 constexpr SceneColor kMeasuredColor{0.90, 0.45, 0.10, 1.0};
 constexpr SceneColor kPlannedColor{0.45, 0.45, 0.45, 0.35};
@@ -51,16 +52,16 @@ LogLevel LevelOf(const event_t& event) {
 
 }  // namespace
 
-RunMcap::RunMcap(const RunMcapConfig& config)
-    : config_(config), file_(config.path, config.program) {
+RunMcap::RunMcap(const RunMcapConfig& config, OutputFile& file)
+    : config_(config), file_(file, kProgram) {
   descriptors_["foxglove"] = EncodeDescriptors(FoxgloveFiles());
   descriptors_["tumbler"] = EncodeDescriptors(RunFiles());
   McapWriter::Texts about = config.about;
-  about["program"] = config.program;
+  about["program"] = kProgram;
   file_.AddMetadata("run", about);
   McapWriter::Texts units;
-  for (const ProtoFile& file : RunFiles()) {
-    for (const ProtoType& type : file.types) {
+  for (const ProtoFile& described : RunFiles()) {
+    for (const ProtoType& type : described.types) {
       for (const ProtoField& field : type.fields) {
         if (!field.comment.empty()) units[type.name + "." + field.name] = field.comment;
       }

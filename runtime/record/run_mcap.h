@@ -19,8 +19,6 @@ namespace tumbler {
 
 /// A run to be written.
 struct RunMcapConfig {
-  std::string path;
-  std::string program;              ///< That writes the file, with its version.
   std::vector<std::string> joints;  ///< In the order of the states.
   McapWriter::Texts about;          ///< For people: motion, bus, ...
   /// Whether the drives are imagined, as in a dry run: then nothing was measured.
@@ -38,8 +36,8 @@ struct RunMcapConfig {
 /// virtual time.
 class RunMcap {
  public:
-  /// @throws FileError  when the file cannot be written. So do all other members.
-  explicit RunMcap(const RunMcapConfig& config);
+  /// @param file  has to outlive this, and knows of failures.
+  RunMcap(const RunMcapConfig& config, OutputFile& file);
 
   void Take(std::uint64_t time_ns, const state_t& state);
   void Take(std::uint64_t time_ns, const event_t& event);
@@ -48,7 +46,7 @@ class RunMcap {
   void Take(std::uint64_t time_ns, const space_truth_t& truth);
   void TakePlan(std::uint64_t time_ns, const PictureRoot& root, const std::vector<double>& joints);
 
-  /// Puts the file in place.
+  /// Writes what comes after the last message.
   void Finish() { file_.Finish(); }
 
  private:

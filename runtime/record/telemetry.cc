@@ -11,21 +11,17 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "runtime/record/channels.h"
+#include "runtime/record/lcm_link.h"
 #include "runtime/record/run_exports.h"
 
 namespace tumbler {
 namespace {
 
-class LiveExport final : public RunExport, private MessageStream {
+class LiveExport final : public RunExport, private LcmStream {
  public:
   LiveExport(const std::string& url, const RunExportConfig& config)
-      : RunExport(""), MessageStream(config), live_(url) {
-    if (!live_.good()) {
-      throw std::runtime_error(
-          fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
-                      "224.0.0.0/4 dev IFACE`)",
-                      url));
-    }
+      : RunExport(""), LcmStream(config), live_(url) {
+    RequireUsable(live_, url);
   }
 
   void Take(const TickEntry& /*entry*/, const TimedRecord& timed) override { TakeTick(timed); }
@@ -101,7 +97,9 @@ class ExportWriter final : public TickWriter {
 }  // namespace
 
 struct Telemetry::Implementation {
-  explicit Implementation(const TelemetryConfig& config) : replies(config.replies) {
+  explicit Implementation(const TelemetryConfig& config)
+      : replies(config.replies),
+        ring_bytes(RingBytes(config.run.joints.size(), config.run.rate_hz)) {
     RunExportConfig exports;
     exports.run = config.run;
     exports.utime_at_zero_us = config.utime_at_zero_us;
@@ -111,6 +109,9 @@ struct Telemetry::Implementation {
     if (!config.trace_file.empty()) Add(std::make_unique<CsvExport>(config.trace_file, exports));
     if (!config.truth_file.empty())
       Add(std::make_unique<TruthLogExport>(config.truth_file, exports));
+    if (!config.candump_file.empty())
+      Add(std::make_unique<CandumpExport>(config.candump_file, exports));
+    if (config.another) Add(config.another(exports));
     if (!config.lcm_url.empty()) Add(std::make_unique<LiveExport>(config.lcm_url, exports));
   }
 
@@ -120,13 +121,12 @@ struct Telemetry::Implementation {
   };
 
   void Add(std::unique_ptr<RunExport> out) {
-    // Four seconds at 1 kHz, of many joints too. No stall of a disk was seen that lasted longer.
-    constexpr std::size_t kRingBytes = std::size_t{16} << 20U;
     auto writer = std::make_shared<ExportWriter>(std::move(out), replies, figures);
-    outputs.push_back({writer, std::make_unique<TickOutlet>(writer, kRingBytes)});
+    outputs.push_back({writer, std::make_unique<TickOutlet>(writer, ring_bytes)});
   }
 
   SampleTimes replies;
+  std::size_t ring_bytes;  // of each output
   std::shared_ptr<LiveFigures> figures = std::make_shared<LiveFigures>();
   std::vector<Output> outputs;
 };

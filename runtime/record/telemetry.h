@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -12,12 +13,18 @@
 
 namespace tumbler {
 
+class RunExport;
+struct RunExportConfig;
+
 /// The outputs of telemetry. An empty name leaves that output out.
 struct TelemetryConfig {
-  std::string log_file;    ///< LCM log, for lcm-logplayer and lcm-spy.
-  std::string lcm_url;     ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
-  std::string trace_file;  ///< CSV, one row a tick.
-  std::string truth_file;  ///< LCM log of the true states of a simulated robot.
+  std::string log_file;      ///< LCM log, for lcm-logplayer and lcm-spy.
+  std::string lcm_url;       ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
+  std::string trace_file;    ///< CSV, one row a tick.
+  std::string truth_file;    ///< LCM log of the true states of a simulated robot.
+  std::string candump_file;  ///< Every frame, as `candump -l` logs it.
+  /// Makes one more, which this library does not know; may be empty.
+  std::function<std::unique_ptr<RunExport>(const RunExportConfig&)> another;
   RunDescription run;
   /// The log's time at time 0 of the loop: 0 for virtual time, else microseconds since 1970.
   std::int64_t utime_at_zero_us = 0;

@@ -1,5 +1,7 @@
 #include "runtime/record/tick_feed.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace tumbler {
@@ -13,9 +15,17 @@ void TickFeed::Push(const TickNotes& notes, const TickInput& input,
 }
 
 void TickFeed::PushTruth(std::span<const std::uint8_t> truth) noexcept {
-  if (truth.empty() || truth.size() > kTickEntryBytesMax) return;
+  if (truth.size() > kTruthBytesMax) ++long_truths_;
+  if (truth.empty() || truth.size() > kTruthBytesMax) return;
   std::ranges::copy(truth, message_.begin() + 1);
   PushMessage(BlockKind::kTruth, truth.size());
+}
+
+std::string TickFeed::TruthProblem() const {
+  if (long_truths_ == 0) return "";
+  return fmt::format(
+      "true states: {} of more than {} bytes are in no output, for their many contacts",
+      long_truths_, kTruthBytesMax);
 }
 
 void TickFeed::PushMessage(BlockKind kind, std::size_t size) noexcept {

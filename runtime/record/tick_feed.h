@@ -1,9 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <initializer_list>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "runtime/executor/tick_entry.h"
@@ -38,8 +40,11 @@ class TickSink {
   return message.subspan(1);
 }
 
+/// The most bytes that a true state takes: of twelve joints with 200 contacts, and more.
+inline constexpr std::size_t kTruthBytesMax = std::size_t{16} << 10U;
 /// The most bytes that a message takes.
-inline constexpr std::size_t kTickMessageBytesMax = 1 + kTickEntryBytesMax;
+inline constexpr std::size_t kTickMessageBytesMax =
+    1 + std::max(kTickEntryBytesMax, kTruthBytesMax);
 
 /// What a control loop hands its ticks to: each is encoded once, as the flight record has it, and
 /// everything that a run puts out is made of that.
@@ -58,8 +63,10 @@ class TickFeed {
   /// block. Parameters are those of EncodeTick.
   void Push(const TickNotes& notes, const TickInput& input, const TickOutput& output) noexcept;
   /// The same for the true state of a simulated robot after the last tick, an LCM message truth_t
-  /// of at most kTickEntryBytesMax bytes. A longer one is left out.
+  /// of at most kTruthBytesMax bytes. A longer one is left out, and counted.
   void PushTruth(std::span<const std::uint8_t> truth) noexcept;
+  /// Says how many true states were too long; empty: none was.
+  [[nodiscard]] std::string TruthProblem() const;
 
   // Of all sinks:
   void Drain() {
@@ -74,6 +81,7 @@ class TickFeed {
 
   std::vector<TickSink*> sinks_;
   std::int64_t index_ = 0;  ///< Of the next tick.
+  std::int64_t long_truths_ = 0;
   std::array<std::uint8_t, kTickMessageBytesMax> message_;
 };
 

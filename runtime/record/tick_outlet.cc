@@ -1,8 +1,18 @@
 #include "runtime/record/tick_outlet.h"
 
+#include <bit>
 #include <utility>
 
 namespace tumbler {
+
+std::size_t RingBytes(std::size_t joints, double rate_hz) {
+  constexpr double kStall_s = 8, kTruths_hz = 200;
+  // As measured, with what a message has before it.
+  const auto count = static_cast<double>(joints);
+  const double tick_bytes = 170 + 110 * count, truth_bytes = 400 + 80 * count;
+  const double bytes = kStall_s * (rate_hz * tick_bytes + kTruths_hz * truth_bytes);
+  return std::bit_ceil(static_cast<std::size_t>(bytes));
+}
 
 TickOutlet::TickOutlet(std::shared_ptr<TickWriter> writer, std::size_t ring_bytes)
     : work_(std::make_shared<Work>(std::move(writer), ring_bytes)) {}

@@ -87,14 +87,7 @@ class Remote {
   /// @param robot  its name; empty where there is only one.
   Remote(const std::string& url, const std::string& robot, std::optional<RequestKey> key)
       : url_(url), robot_(robot), key_(std::move(key)), lcm_(url) {
-    if (!lcm_.good()) {
-      throw std::runtime_error(
-          fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
-                      "224.0.0.0/4 dev IFACE`)",
-                      url));
-    }
-    if (lcm_.getFileno() < 0)
-      throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
+    RequireListening(lcm_, url);
     SubscribeToWholeMessages([this] {
       Subscribe<state_t>(kStateChannel);
       Subscribe<event_t>(kEventChannel);

@@ -50,6 +50,16 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
   service_.reset();
 }
 
+void Play::Conclude(RunSummary& summary) const {
+  summary.cycles = loop_->record().cycles;
+  summary.runs = procedure_->runs();
+  summary.outcome = procedure_->outcome();
+  summary.reason = Reason(summary.joints);
+  if (summary.reason.empty() && summary.outcome == RunOutcome::kStopped)
+    summary.reason = "stopped by the operator";
+  summary.statistics = loop_->statistics();
+}
+
 std::string Play::Reason(const std::vector<std::string>& joints) const {
   const std::vector<std::string> error_codes = ErrorCodesOf(assembly_.parts().drives);
   const FaultDetail& fault = loop_->record().first_fault;
@@ -89,8 +99,17 @@ std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
   FlightRecorderConfig config;
   config.file = file;
   config.configuration = EncodeConfiguration(configuration);
+  config.ring_bytes =
+      RingBytes(configuration.joints.size(), 1e9 / static_cast<double>(configuration.period_ns));
   config.say = std::move(say);
   return std::make_unique<FlightRecorder>(config);
+}
+
+void StopRecorder(FlightRecorder& recorder, RunSummary& summary, const Patience& patience) {
+  recorder.Stop(ToOutcome(summary), patience);
+  summary.recorded_ticks = recorder.recorded();
+  summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
+  summary.record_problem = recorder.problem();
 }
 
 }  // namespace tumbler

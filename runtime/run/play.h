@@ -13,6 +13,7 @@
 #include "runtime/record/record_configuration.h"
 #include "runtime/record/tick_feed.h"
 #include "runtime/run/control_loop.h"
+#include "runtime/run/run_summary.h"
 #include "runtime/run/world.h"
 
 namespace tumbler {
@@ -34,10 +35,12 @@ class Play {
   // After the run:
   [[nodiscard]] const RunProcedure& procedure() const { return *procedure_; }
   [[nodiscard]] const ControlLoop& loop() const { return *loop_; }
-  /// A sentence about the fault or the refusal that ended the run; empty if neither did.
-  [[nodiscard]] std::string Reason(const std::vector<std::string>& joints) const;
+  /// Adds to the summary, which has the joints, how the run ended and the loop's figures.
+  void Conclude(RunSummary& summary) const;
 
  private:
+  /// A sentence about the fault or the refusal that ended the run; empty if neither did.
+  [[nodiscard]] std::string Reason(const std::vector<std::string>& joints) const;
   /// What a drive says of its error, to be added to a sentence; empty if nothing.
   [[nodiscard]] std::string DriveProblem(int joint) const;
 
@@ -59,5 +62,8 @@ class Play {
 [[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(
     const std::string& file, const RecordConfiguration& configuration,
     std::function<void(const std::string&)> say);
+
+/// Completes the record with what the summary says of the run, and adds to it what was recorded.
+void StopRecorder(FlightRecorder& recorder, RunSummary& summary, const Patience& patience = {});
 
 }  // namespace tumbler

@@ -83,6 +83,11 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
   line.Option("--json", options.json,
               "write the summary as JSON to this file, or - for standard output");
   line.Option("--csv", options.trace, "write every tick to this CSV file");
+  line.Option(
+      "--mcap", options.mcap,
+      "write the run as MCAP for Foxglove and PlotJuggler, as `tumbler record --mcap` does");
+  line.Option("--candump", options.candump,
+              "write every frame as `candump -l` logs it, as `tumbler record --candump` does");
   line.Option("--record", options.record,
               "record the whole run in this file, which must not exist (see tumbler record and "
               "tumbler replay)");
@@ -98,7 +103,8 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
 void DeclareScheduling(CommandLine& line, RunOptions& options, ArmingNames& names,
                        const std::function<CommandLineOption(CommandLineOption)>& one) {
   one(line.Flag("--realtime", options.realtime,
-                "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock"));
+                "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock, "
+                "and ends as on an interface (--end)"));
   one(line.Flag("--without-realtime", options.without_realtime,
                 "arm a real bus even though they are not in force"));
   one(line.Option("--scheduling", names.scheduling,
@@ -184,10 +190,11 @@ void RefuseIgnored(const CommandLine& line, const RunOptions& options) {
     refuse({"--json", "--latency-test"}, "--doctor has no use for it; leave it out");
   const bool latency_test = options.latency_test_s > 0;
   if (latency_test || !options.doctor.empty()) {
-    refuse({"--drives", "--faults", "--bus-faults", "--arm", "--attended", "--speed", "--pace",
-            "--hold-s", "--cycles", "--branch", "--from", "--get-ups", "--log", "--lcm-url",
-            "--key", "--csv", "--record", "--twin", "--truth"},
-           "is about playing a motion, which --latency-test and --doctor do not");
+    refuse(
+        {"--drives", "--faults", "--bus-faults", "--arm",     "--attended", "--speed", "--pace",
+         "--hold-s", "--cycles", "--branch",     "--from",    "--get-ups",  "--log",   "--lcm-url",
+         "--key",    "--csv",    "--mcap",       "--candump", "--record",   "--twin",  "--truth"},
+        "is about playing a motion, which --latency-test and --doctor do not");
   }
   if (!latency_test) {
     refuse({"--rate-hz"}, "is for --latency-test; a run's rate is rate_hz of its drives file");

@@ -54,11 +54,17 @@ struct RunOptions {
   std::string trace;
   std::string twin;
   std::string truth;
+  std::string mcap;
+  std::string candump;
   std::string record;
   std::vector<std::string> command_line;
   /// Whether a recorded request ends a sequence that goes round, where no cycles are given.
   bool ended_by_record = false;
 
+  /// The files that a run writes tick by tick; names may be empty.
+  [[nodiscard]] std::vector<std::string> files() const {
+    return {log, trace, record, truth, mcap, candump};
+  }
   /// Whether the run is on the simulated bus.
   [[nodiscard]] bool simulated() const { return bus == "sim"; }
   /// Whether the run is for an interface, but does not touch it.

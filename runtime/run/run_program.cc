@@ -33,6 +33,7 @@
 #include "runtime/bench/arming_checks.h"
 #include "runtime/record/lcm_commands.h"
 #include "runtime/record/record_configuration.h"
+#include "runtime/record/record_mcap.h"
 #include "runtime/record/request_key.h"
 #include "runtime/record/run_description.h"
 #include "runtime/record/telemetry.h"
@@ -153,8 +154,9 @@ void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
   std::vector<std::string> inputs = {options.drives, options.faults, options.bus_faults,
                                      options.twin, options.key};
   for (const LoadedFile& file : read.files()) inputs.push_back(file.path);
-  CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth,
-                         options.pose_file});
+  std::vector<std::string> outputs = options.files();
+  outputs.insert(outputs.end(), {options.json, options.pose_file});
+  CheckDistinct(inputs, outputs);
   CheckResult(options.json);
   if (!options.record.empty()) RequireNewRecord(options.record);
 }
@@ -206,7 +208,8 @@ RunSettings SettingsOf(const RunOptions& options, const RunParts& parts) {
 std::unique_ptr<World> MakeWorld(const RunOptions& options, const Simulation* simulation,
                                  const RunParts& parts, TickFeed& feed) {
   if (options.simulated()) {
-    const bool truth_wanted = !(options.record + options.truth + options.lcm_url).empty();
+    const bool truth_wanted =
+        !(options.record + options.truth + options.mcap + options.lcm_url).empty();
     const TruthSink truth_sink = [&feed](std::span<const std::uint8_t> truth) {
       feed.PushTruth(truth);
     };
@@ -241,21 +244,30 @@ RunDescription DescribeRun(const RunOptions& options, const RunParts& parts, con
   return run;
 }
 
+/// @param about     the run, as its flight record has it.
+/// @param pictures  of its robot; may be null.
 TelemetryConfig TelemetryOf(const RunOptions& options, const RunParts& parts,
-                            const RunDescription& description, World& world,
-                            std::int64_t period_ns) {
+                            const RunDescription& description, const RecordConfiguration& about,
+                            const PictureSource* pictures) {
   TelemetryConfig config;
   config.log_file = options.log;
   config.lcm_url = options.lcm_url;
   config.trace_file = options.trace;
   config.truth_file = options.truth;
+  config.candump_file = options.candump;
+  if (!options.mcap.empty()) {
+    config.another = [&, pictures](const RunExportConfig& exports) {
+      return std::make_unique<McapExport>(options.mcap, exports, about, options.simulated(),
+                                          pictures, parts.file);
+    };
+  }
   config.run = description;
-  config.utime_at_zero_us = UtimeAtZero(world);
-  config.replies = SampleTimesOf(parts.drives, period_ns);
+  config.utime_at_zero_us = about.utime_at_zero_us;
+  config.replies = SampleTimesOf(parts.drives, about.period_ns);
   return config;
 }
 
-/// The configuration of the run for a flight record.
+/// The run as its flight record describes it.
 /// @param files  those that the run has read.
 RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
                                       const RunDescription& description, const FileKeeper& files,
@@ -314,7 +326,7 @@ RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
   summary.machine = description.machine;
   summary.worst_case_tick_bits = parts.drives.WorstCaseTickBits();
   summary.worst_case_load = parts.drives.WorstCaseLoad();
-  for (const std::string& path : {options.log, options.trace, options.record, options.truth}) {
+  for (const std::string& path : options.files()) {
     if (!path.empty()) summary.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") summary.files.push_back(options.json);
@@ -325,13 +337,7 @@ RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
 /// @param commands  nothing: the run took no requests by LCM.
 void EndSummary(const Play& play, const Telemetry& telemetry,
                 const std::optional<LcmCommands>& commands, RunSummary& summary) {
-  summary.cycles = play.loop().record().cycles;
-  summary.runs = play.procedure().runs();
-  summary.outcome = play.procedure().outcome();
-  summary.reason = play.Reason(summary.joints);
-  if (summary.reason.empty() && summary.outcome == RunOutcome::kStopped)
-    summary.reason = "stopped by the operator";
-  summary.statistics = play.loop().statistics();
+  play.Conclude(summary);
   summary.lost_records = telemetry.lost();
   summary.unpublished_messages = telemetry.unpublished();
   if (commands) {
@@ -358,14 +364,6 @@ class EndPatience {
  private:
   bool stopped_;
 };
-
-/// Completes the flight record.
-void StopRecorder(FlightRecorder& recorder, bool stopped, RunSummary& summary) {
-  recorder.Stop(ToOutcome(summary), EndPatience(stopped));
-  summary.recorded_ticks = recorder.recorded();
-  summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
-  summary.record_problem = recorder.problem();
-}
 
 /// Takes those that are not whole out of the list of files that were written. What could not be
 /// written begins with the files' names, as in `a.log, a.csv: could not be written whole`.
@@ -506,11 +504,15 @@ void StopTelemetry(Telemetry& telemetry, bool stopped, RunSummary& summary) {
 }
 
 /// Says what ends a hold at the end that has no time of its own.
-void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& procedure) {
-  if (!options.drives_motors() || procedure.end_hold_ticks >= 0 || options.attended) return;
-  fmt::print(stderr,
-             "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
-             "or `tumbler ctl disarm` (--end torque-off does without)\n");
+void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& procedure,
+                        OperatorVoice& voice) {
+  if (options.virtual_time() || procedure.end_hold_ticks >= 0 || options.attended) return;
+  const bool writes =
+      std::ranges::any_of(options.files(), [](const std::string& file) { return !file.empty(); });
+  voice.Say(fmt::format(
+      "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
+      "or `tumbler ctl disarm` (--end torque-off does without){}",
+      writes ? "; the files of the run grow until then" : ""));
 }
 
 /// How long a tick takes by the clock.
@@ -548,7 +550,7 @@ RepeatedSettings SettingsInForce(const RunOptions& options, const RunParts& part
 }  // namespace
 
 std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulation,
-                                  const RunSource& source) {
+                                  const RunSource& source, const PictureSource* pictures) {
   FileKeeper files;
   Assembly assembly(
       LoadParts(options, simulation, files.reader(source.motion), files.reader(source.drives)));
@@ -575,21 +577,22 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   TickFeed feed;
   const std::unique_ptr<World> world = MakeWorld(options, simulation, parts, feed);
   const RunDescription description = DescribeRun(options, parts, *world);
-  Telemetry telemetry(TelemetryOf(options, parts, description, *world, period_ns));
+  const RecordConfiguration about =
+      DescribeForRecord(options, *world, description, files, settings, period_ns);
+  Telemetry telemetry(TelemetryOf(options, parts, description, about, pictures));
   feed.Add(&telemetry);
   std::optional<LcmCommands> commands;
   Listen(options, graph, description.number, period_ns, voice, commands);
   std::unique_ptr<FlightRecorder> recorder;
   if (!options.record.empty()) {
-    recorder = OpenRecorder(
-        options.record, DescribeForRecord(options, *world, description, files, settings, period_ns),
-        [shared_voice, program = options.program](const std::string& text) {
-          shared_voice->Say(program + ": " + text);
-        });
+    recorder = OpenRecorder(options.record, about,
+                            [shared_voice, program = options.program](const std::string& text) {
+                              shared_voice->Say(program + ": " + text);
+                            });
     feed.Add(recorder.get());
   }
 
-  NoteHoldWithoutEnd(options, procedure_config);
+  NoteHoldWithoutEnd(options, procedure_config, voice);
 
   world->Open();
   CatchInterrupts();
@@ -616,20 +619,23 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   const bool stopped =
       play.procedure().outcome() == RunOutcome::kStopped || play.procedure().quits();
   StopTelemetry(telemetry, stopped, summary);
+  if (std::string problem = feed.TruthProblem(); !problem.empty())
+    summary.unwritten.push_back(std::move(problem));
   // What was found by a run that was refused is what it was refused for.
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives, voice);
 
   EndSummary(play, telemetry, commands, summary);
   world->Summarize(summary);
-  if (recorder != nullptr) StopRecorder(*recorder, stopped, summary);
+  if (recorder != nullptr) StopRecorder(*recorder, summary, EndPatience(stopped));
   return summary;
 }
 
-ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation) {
+ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation,
+                      const PictureSource* pictures) {
   const RunOptions options = ReadRunOptions(argc, argv);
   if (!options.doctor.empty()) return Examine(options);
   if (options.latency_test_s > 0) return TestLatency(options);
-  std::optional<RunSummary> summary = PlayRun(options, simulation);
+  std::optional<RunSummary> summary = PlayRun(options, simulation, {}, pictures);
   if (!summary) return ExitStatus::kInterrupted;
   Say(*summary, options);
   return StatusOf(*summary);

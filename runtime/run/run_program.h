@@ -6,6 +6,7 @@
 
 #include "common/core/exit_status.h"
 #include "common/files/toml_reader.h"
+#include "runtime/record/picture_source.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/run_options.h"
@@ -31,14 +32,17 @@ struct RunSource {
 /// proves the drives, plays, and writes the pose and the files of the run. The bus is not touched
 /// before everything that needs no bus was checked.
 /// @param simulation  makes the bus `sim`; null where there is none.
+/// @param pictures    of robots, for MCAP; null where there are none.
 /// @returns nothing when somebody has interrupted the proofs before the run.
 /// @throws Refused; FileError, UsageError and other exceptions about what cannot be used.
 [[nodiscard]] std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulation,
-                                                const RunSource& source = {});
+                                                const RunSource& source = {},
+                                                const PictureSource* pictures = nullptr);
 
 /// The program tumbler run (docs/runtime.md): reads the command line, runs, and reports the
 /// outcome. Throws as RunProgram (common/files/program.h) expects it.
-/// @param simulation  makes the bus `sim`; null where the build has none.
-ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation);
+/// @param simulation, pictures  as for PlayRun; null where the build has none.
+ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation,
+                      const PictureSource* pictures);
 
 }  // namespace tumbler

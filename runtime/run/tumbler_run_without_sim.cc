@@ -6,6 +6,6 @@
 
 int main(int argc, char** argv) {
   return tumbler::RunProgram("tumbler run", argc, argv, [](int count, char** arguments) {
-    return tumbler::PlayMotion(count, arguments, nullptr);
+    return tumbler::PlayMotion(count, arguments, nullptr, nullptr);
   });
 }

@@ -85,8 +85,8 @@ class BenchSim : public ::testing::TestWithParam<testing::ExampleDrives> {
     play.Run(ProcedureConfigOf(settings, assembly.parts().drives, assembly.parts().sequence->graph),
              std::llround(1e9 / assembly.parts().drives.rate_hz));
     RunSummary summary;
-    summary.outcome = play.procedure().outcome();
-    summary.reason = play.Reason(joints);
+    summary.joints = joints;
+    play.Conclude(summary);
     world->Summarize(summary);
     return summary;
   }

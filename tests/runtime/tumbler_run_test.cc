@@ -233,6 +233,24 @@ TEST_F(TumblerRun, SaysWhatCtrlCDoesInTheHoldAtTheEndAndNeverLosesOne) {
   });
 }
 
+TEST_F(TumblerRun, OfASimulationInRealTimeSaysAtOnceWhatEndsItAndWhetherItsFilesGrow) {
+  const std::string grow = "; the files of the run grow until then";
+  std::vector<std::string> arguments = {testing::ProgramPath("tumbler run"), "sim",
+                                        testing::SourcePath("primitives/nominal/handstand.toml"),
+                                        "--realtime"};
+  const std::string note =
+      "it is held at the end until Ctrl-C or `tumbler ctl disarm` (--end "
+      "torque-off does without)";
+  {
+    testing::Program run(arguments);
+    ASSERT_TRUE(run.WaitFor(note + "\n")) << run.text();
+  }
+  arguments.insert(arguments.end(), {"--csv", Path("run.csv")});
+  testing::Program run(arguments);
+  ASSERT_TRUE(run.WaitFor(note + grow)) << run.text();
+  EXPECT_THAT(run.text(), Not(HasSubstr("the motion is over")));
+}
+
 TEST_F(TumblerRun, HoldsTheRobotAlsoWhenNobodyReadsWhatItSays) {
   Write("drives.toml",
         Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),

@@ -196,6 +196,54 @@ TEST_F(FlightRecorderTest, LeavesNoFileWhenThereIsNoRoomForTheConfiguration) {
   EXPECT_FALSE(std::filesystem::exists(config_.file));
 }
 
+TEST_F(FlightRecorderTest, HasRoomForEightSecondsInWhichTheDiskTakesNothing) {
+  config_.ring_bytes = RingBytes(2, 1000);
+  configuration_.procedure.hold_ticks = 10'000;
+  FlightRecorder recorder(config_);
+  TickFeed feed({&recorder});
+  testing::RecordRun(
+      configuration_, feed,
+      [&](std::int64_t tick) {
+        if (tick % 5 == 0) feed.PushTruth(std::vector<std::uint8_t>(300));
+      },
+      8000);
+  EXPECT_EQ(recorder.lost(), 0);
+  testing::RecordRun(
+      configuration_, feed, [](std::int64_t /*tick*/) {}, 8000);
+  EXPECT_GT(recorder.lost(), 0) << "and not for twice as many";
+}
+
+TEST_F(FlightRecorderTest, KeepsATrueStateOfTheGreatestLengthAndALongerOneIsSaid) {
+  FlightRecorder recorder(config_);
+  TickFeed feed({&recorder});
+  static_assert(kTruthBytesMax > kTickEntryBytesMax);
+  const std::vector<std::uint8_t> longest(kTruthBytesMax, 7);
+  testing::RecordRun(
+      configuration_, feed,
+      [&](std::int64_t /*tick*/) {
+        feed.PushTruth(longest);
+        recorder.Drain();
+      },
+      3);
+  EXPECT_EQ(feed.TruthProblem(), "");
+  for (int i = 0; i < 2; ++i) feed.PushTruth(std::vector<std::uint8_t>(kTruthBytesMax + 1));
+  EXPECT_THAT(feed.TruthProblem(), HasSubstr("2 of more than 16384 bytes are in no output"));
+  recorder.Stop("completed");
+  const std::string bytes = ReadFile(config_.file);
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const auto entry = std::make_unique<TickEntry>();
+  std::size_t truths = 0;
+  const auto take = [&] {
+    for (const auto& truth : record.truths()) {
+      EXPECT_TRUE(std::ranges::equal(truth, longest));
+      ++truths;
+    }
+  };
+  while (record.Next(*entry)) take();
+  take();
+  EXPECT_EQ(truths, 3U);
+}
+
 TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
   FlightRecorder recorder(config_);
   TickFeed feed({&recorder});
@@ -204,7 +252,6 @@ TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
       [&](std::int64_t tick) {
         const std::array<std::uint8_t, 3> truth = {1, 2, static_cast<std::uint8_t>(tick)};
         if (tick % 5 == 0) feed.PushTruth(truth);
-        feed.PushTruth(std::vector<std::uint8_t>(kTickEntryBytesMax + 1));  // too long
         recorder.Drain();
       },
       23);

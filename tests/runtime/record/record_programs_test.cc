@@ -234,13 +234,30 @@ TEST_F(RecordPrograms, AnExistingRecordIsKeptAndNothingIsRun) {
 }
 
 TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
-  ASSERT_EQ(Record("--csv " + (folder_ / "a.csv") + " --log " + (folder_ / "a.lcm")).exit_code, 0);
-  const Outcome exported = Run("tumbler record " + record_ + " --csv " + (folder_ / "b.csv") +
-                               " --log " + (folder_ / "b.lcm"));
-  EXPECT_EQ(exported.exit_code, 0) << exported.text;
-  EXPECT_EQ(ReadFile(folder_ / "b.csv"), ReadFile(folder_ / "a.csv"));
-  EXPECT_EQ(ReadFile(folder_ / "b.lcm"), ReadFile(folder_ / "a.lcm"));
-  EXPECT_GT(ReadFile(folder_ / "a.csv").size(), 100'000U);
+  const auto files = [this](const std::string& name) {
+    std::string options;
+    for (const std::string kind : {"csv", "log", "mcap", "candump"})
+      options += " --" + kind + " " + (folder_ / (name + "." + kind));
+    return options;
+  };
+  // The second of them goes round and branches; of the third no plan is drawn.
+  const std::vector<std::string> runs = {
+      kHandstand + " --hold-s 0.1",
+      testing::SourcePath("primitives/nominal/gait.toml") + " --cycles 1 --branch roll",
+      testing::SourcePath("primitives/solo12/turn.toml") + " --drives " +
+          testing::SourcePath("primitives/solo12/drives.toml")};
+  for (const std::string& run : runs) {
+    std::filesystem::remove(record_);
+    const Outcome played = Run("tumbler run sim " + run + " --record " + record_ + files("run"));
+    ASSERT_EQ(played.exit_code, 0) << played.text;
+    const Outcome exported = Run("tumbler record " + record_ + files("record"));
+    EXPECT_EQ(exported.exit_code, 0) << exported.text;
+    for (const std::string kind : {"csv", "log", "mcap", "candump"}) {
+      const std::string of_run = ReadFile(folder_ / ("run." + kind));
+      EXPECT_TRUE(of_run == ReadFile(folder_ / ("record." + kind))) << kind << " of " << run;
+      EXPECT_GT(of_run.size(), 50'000U) << kind << " of " << run;
+    }
+  }
 }
 
 TEST_F(RecordPrograms, TheLogOfTrueStatesHasThoseOfTheRecordInTheirOrder) {
