@@ -543,9 +543,8 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
                ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
   }
   for (const FailedMotion& failed : outcome.failed) {
-    fmt::print(people, "{}, in which the robot failed: {} of {} stand, the model {}\n",
-               failed.motion, failed.stand, outcome.robots.size(),
-               failed.model_stands ? "too" : "not");
+    fmt::print(people, "{}, in which the robot failed: {} of {} stand\n", failed.motion,
+               failed.stand, outcome.robots.size());
   }
   if (!outcome.credible()) {
     fmt::print(people,

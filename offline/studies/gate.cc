@@ -41,11 +41,7 @@ void TakeOff(const std::vector<JointMotor>& played, RobotVariation& robot) {
 }  // namespace
 
 bool GateOutcome::credible() const {
-  constexpr int kShare = 4;
-  const auto count = static_cast<int>(robots.size());
-  return std::ranges::all_of(failed, [count](const FailedMotion& motion) {
-    return !motion.model_stands && kShare * motion.stand <= count;
-  });
+  return std::ranges::all_of(failed, [](const FailedMotion& motion) { return motion.stand == 0; });
 }
 
 bool GateOutcome::open() const {
@@ -80,7 +76,8 @@ GateOutcome PlayRobots(const std::string& motion, const std::string& drives,
     }
     ShiftZeros(known, played);
   }
-  outcome.draws = posterior.effective ? kDrawsOfEffective : GateDraws{};
+  if (posterior.effective)
+    outcome.draws = settings.failed.empty() ? kDrawsOfEffective : kDrawsOfSeen;
   if (settings.draws) outcome.draws.count = *settings.draws;
   if (settings.deviations) outcome.draws.deviations = *settings.deviations;
   for (int i = 0; i <= outcome.draws.count; ++i) {
@@ -107,7 +104,7 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
     const GateOutcome again = PlayRobots(failed, drives, posterior, settings);
     const auto stand = std::ranges::count_if(
         again.robots, [](const TrialOutcome& robot) { return robot.stands(); });
-    outcome.failed.push_back({failed, again.robots.front().stands(), static_cast<int>(stand)});
+    outcome.failed.push_back({failed, static_cast<int>(stand)});
   }
   return outcome;
 }
@@ -133,7 +130,7 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
   }
   auto failed = Json::Array();
   for (const FailedMotion& of : outcome.failed)
-    failed.Append({{"motion", of.motion}, {"model_stands", of.model_stands}, {"stand", of.stand}});
+    failed.Append({{"motion", of.motion}, {"stand", of.stand}});
   const Json json = {
       {"motion", motion},
       {"posterior", posterior},

@@ -19,10 +19,13 @@ struct GateDraws {
 };
 /// Of an effective model: where a third of its robots falls, three pass by chance.
 inline constexpr GateDraws kDrawsOfEffective = {12, 2};
+/// Of one that has to fail in motions that the robot has failed in: as many deviations as those for
+/// which motions are tuned to it (kEffectiveDeviations).
+inline constexpr GateDraws kDrawsOfSeen = {24, kEffectiveDeviations};
 
 /// Settings of a gate.
 struct GateSettings {
-  /// None: GateDraws, or kDrawsOfEffective.
+  /// None: GateDraws, kDrawsOfEffective, or kDrawsOfSeen.
   std::optional<int> draws = {};
   std::optional<double> deviations = {};
   std::uint64_t seed = 1;
@@ -35,8 +38,7 @@ struct GateSettings {
 /// What robots of a posterior do in a motion that the robot has failed in.
 struct FailedMotion {
   std::string motion;
-  bool model_stands = false;  ///< The posterior's mean.
-  int stand = 0;              ///< How many of all robots, the mean and the draws.
+  int stand = 0;  ///< Of all robots, the mean and the draws.
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.
@@ -45,8 +47,7 @@ struct GateOutcome {
   GateDraws draws;                   ///< As they were drawn.
   DrivesConfig drives;               ///< With which they were played.
   std::vector<FailedMotion> failed;  ///< Those of the settings, in their order.
-  /// Whether, of each motion that the robot has failed in, the model fails in it, too, and all but
-  /// a quarter of the draws do.
+  /// Whether none of them stands in a motion that the robot has failed in.
   [[nodiscard]] bool credible() const;
   /// Whether all of them are as asked, and credible. Only then is the motion to be tried on the
   /// robot.

@@ -197,8 +197,9 @@ class Study {
                    const FitOutcome& fit);
   /// @returns  whether a link's mass is wrong by 8 %.
   bool NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit);
-  /// Asks the gate about a motion, and notes what the robot does with it.
-  void AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known,
+  /// Asks the gate about a motion, and notes what the robot does with it, whatever the gate says.
+  /// @returns  whether it is open.
+  bool AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known,
                const std::string& motion);
   [[nodiscard]] std::string MotionFor(const testing::HiddenRobot& robot, const PosteriorFile& known,
                                       const std::string& folder, bool& found_anew);
@@ -369,7 +370,7 @@ bool Study::NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit)
   return off;
 }
 
-void Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known,
+bool Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known,
                     const std::string& motion) {
   GateSettings asked = settings_.gate;
   asked.failed.assign(tried_.begin(), tried_.end());
@@ -381,17 +382,14 @@ void Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& know
     (works ? closed_stands_ : closed_falls_) += 1;
   }
   fmt::print("  {}: {}, {}\n", motion, Verdict(gate), works ? "stands" : "falls");
+  return gate.open();
 }
 
 /// The motion that is tried on a robot: a guess for which the gate is open, or else one that is
 /// found anew, and for which it is. Empty: none is.
 std::string Study::MotionFor(const testing::HiddenRobot& robot, const PosteriorFile& known,
                              const std::string& folder, bool& found_anew) {
-  const auto passes = [&](const std::string& motion) {
-    GateSettings asked = settings_.gate;
-    asked.failed.assign(tried_.begin(), tried_.end());
-    return PassGate(motion, settings_.drives, known, asked).open();
-  };
+  const auto passes = [&](const std::string& motion) { return AskGate(robot, known, motion); };
   found_anew = false;
   for (const std::string& guess : settings_.guesses) {
     if (!tried_.contains(guess) && passes(guess)) return guess;
@@ -407,7 +405,6 @@ std::string Study::MotionFor(const testing::HiddenRobot& robot, const PosteriorF
   tuning_.push_back(CpuSeconds() - start);
   fmt::print("  tuned in {:.1f} s{}{}\n", tuning_.back(), cause.empty() ? "" : ": ", cause);
   if (!cause.empty()) return "";
-  if (!settings_.gated.empty()) AskGate(robot, known, motion);
   return passes(motion) ? motion : "";
 }
 
@@ -499,7 +496,7 @@ void Study::Print() const {
         Quantile(tuning_, 0.05), Quantile(tuning_, 0.5), Quantile(tuning_, 0.95),
         Quantile(again_, 0.5));
   }
-  if (!settings_.gated.empty()) {
+  if (!settings_.gated.empty() || !settings_.task.empty()) {
     fmt::print("gate: of {} that fail it refuses {}; of {} that stand it refuses {}\n",
                open_falls_ + closed_falls_, closed_falls_, open_stands_ + closed_stands_,
                closed_stands_);
