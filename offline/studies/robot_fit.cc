@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <variant>
 
@@ -649,12 +650,13 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   if (best.u.size() == 0) return outcome;
   double noise = 1;
   const FitPrior any_ground = WithAnyGround(prior);
-  Objective of_effective(records, any_ground, settings);
+  std::optional<Objective> of_effective;
   Objective* last = &objective;  // the one that the outcome is the minimum of
   if (chi_of(best) > settings.chi_max && !outcome.interrupted) {
-    Fitter effective_fitter(of_effective, settings);
+    of_effective.emplace(records, any_ground, settings);
+    Fitter effective_fitter(*of_effective, settings);
     const Effective effective =
-        FitEffective(of_effective, records.front().tick_s, effective_fitter, best);
+        FitEffective(*of_effective, records.front().tick_s, effective_fitter, best);
     // That may be nearer to a robot that explains the records than any other start was.
     const Found found = fitter.From(effective.found.u);
     ++outcome.starts;
@@ -662,7 +664,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     best = explains ? found : effective.found;
     if (!explains) {
       noise = effective.noise;
-      last = &of_effective;
+      last = &*of_effective;
     }
   }
   MatrixXd J = last->Derivatives(best.u, settings.per_tick);
@@ -691,7 +693,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
           WideningOf(prior.known.quantities[i].kind) * WideningOf(prior.known.quantities[k].kind);
     }
   }
-  outcome.evaluations = objective.evaluations() + of_effective.evaluations();
+  outcome.evaluations = objective.evaluations() + (of_effective ? of_effective->evaluations() : 0);
   if (!prior.earlier.empty()) {
     outcome.moved = LostOf(prior.earlier, outcome.posterior.mean);
     outcome.moved_max = ChiSquaredLimit(n);

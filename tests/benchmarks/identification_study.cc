@@ -392,6 +392,8 @@ std::string Study::MotionFor(const testing::HiddenRobot& robot, const PosteriorF
   const auto passes = [&](const std::string& motion) { return AskGate(robot, known, motion); };
   found_anew = false;
   for (const std::string& guess : settings_.guesses) {
+    // Of what is not near the motion that the robot has failed in its record tells little.
+    if (settings_.tried && !stood_) break;
     if (!tried_.contains(guess) && passes(guess)) return guess;
   }
   found_anew = true;
