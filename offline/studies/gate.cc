@@ -76,8 +76,7 @@ GateOutcome PlayRobots(const std::string& motion, const std::string& drives,
     }
     ShiftZeros(known, played);
   }
-  if (posterior.effective)
-    outcome.draws = settings.failed.empty() ? kDrawsOfEffective : kDrawsOfSeen;
+  outcome.draws = posterior.effective ? kDrawsOfEffective : GateDraws{};
   if (settings.draws) outcome.draws.count = *settings.draws;
   if (settings.deviations) outcome.draws.deviations = *settings.deviations;
   for (int i = 0; i <= outcome.draws.count; ++i) {

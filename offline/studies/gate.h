@@ -19,13 +19,10 @@ struct GateDraws {
 };
 /// Of an effective model: where a third of its robots falls, three pass by chance.
 inline constexpr GateDraws kDrawsOfEffective = {12, 2};
-/// Of one that has to fail in motions that the robot has failed in: as many deviations as those for
-/// which motions are tuned to it (kEffectiveDeviations).
-inline constexpr GateDraws kDrawsOfSeen = {24, kEffectiveDeviations};
 
 /// Settings of a gate.
 struct GateSettings {
-  /// None: GateDraws, kDrawsOfEffective, or kDrawsOfSeen.
+  /// None: GateDraws, or kDrawsOfEffective.
   std::optional<int> draws = {};
   std::optional<double> deviations = {};
   std::uint64_t seed = 1;
