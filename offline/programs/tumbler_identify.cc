@@ -50,6 +50,7 @@ struct IdentifyArguments {
   std::string prior;
   double weight_kg = 0;
   std::string motion, posterior, drives, json;  // gate
+  std::vector<std::string> failed;
   int draws = kNoDraws;
   ExcitationSettings excitation;
   std::optional<std::uint64_t> seed;
@@ -501,6 +502,7 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   CheckDistinct({arguments.motion, arguments.posterior, arguments.drives}, {arguments.json});
   GateSettings settings;
   if (arguments.draws != kNoDraws) settings.draws = arguments.draws;
+  settings.failed = arguments.failed;
   if (arguments.seed) settings.seed = *arguments.seed;
   const GateOutcome outcome = PassGate(arguments.motion, arguments.drives, file, settings);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
@@ -539,6 +541,15 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
                    ? std::string("the robot that was identified")
                    : fmt::format("a robot at {:.3g} standard deviations", outcome.draws.deviations),
                ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
+  }
+  for (const FailedMotion& failed : outcome.failed) {
+    fmt::print(people, "{}, in which the robot failed: {} of {} stand\n", failed.motion,
+               failed.stand, outcome.robots.size());
+  }
+  if (!outcome.credible()) {
+    fmt::print(people,
+               "the model does not fail where the robot did, and is not to be believed; fit the "
+               "record of that run, too\n");
   }
   fmt::print(people, "{}\n",
              outcome.open()
@@ -629,6 +640,11 @@ ExitStatus Main(int argc, char** argv) {
                       "effective model {}",
                       GateDraws{}.count, kDrawsOfEffective.count))
       .Within(0, 1000);
+  gate.Option(
+          "--failed", arguments.failed,
+          "A motion that the robot has failed in: the model has to fail in it, too; may be given "
+          "more than once")
+      .TakesOneValueEachTime();
   gate.Seed(arguments.seed, "Seed of the draws");
   gate.Option("--json", arguments.json,
               "Write what was played, with which drives and twin, to this file, or - for standard "

@@ -40,13 +40,20 @@ void TakeOff(const std::vector<JointMotor>& played, RobotVariation& robot) {
 
 }  // namespace
 
+bool GateOutcome::credible() const {
+  return std::ranges::all_of(failed, [](const FailedMotion& motion) { return motion.stand == 0; });
+}
+
 bool GateOutcome::open() const {
-  return !robots.empty() &&
+  return !robots.empty() && credible() &&
          std::ranges::all_of(robots, [](const TrialOutcome& robot) { return robot.stands(); });
 }
 
-GateOutcome PassGate(const std::string& motion, const std::string& drives,
-                     const PosteriorFile& posterior, const GateSettings& settings) {
+namespace {
+
+/// Plays the gate's robots in a motion.
+GateOutcome PlayRobots(const std::string& motion, const std::string& drives,
+                       const PosteriorFile& posterior, const GateSettings& settings) {
   if (LoadMotion(motion).graph.edge_count > 0)
     throw Refused(motion + ": goes on for ever; the gate takes motions that end, one by one");
   RobustnessStudy study;
@@ -87,6 +94,20 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
   return outcome;
 }
 
+}  // namespace
+
+GateOutcome PassGate(const std::string& motion, const std::string& drives,
+                     const PosteriorFile& posterior, const GateSettings& settings) {
+  GateOutcome outcome = PlayRobots(motion, drives, posterior, settings);
+  for (const std::string& failed : settings.failed) {
+    const GateOutcome again = PlayRobots(failed, drives, posterior, settings);
+    const auto stand = std::ranges::count_if(
+        again.robots, [](const TrialOutcome& robot) { return robot.stands(); });
+    outcome.failed.push_back({failed, static_cast<int>(stand)});
+  }
+  return outcome;
+}
+
 std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
                    const std::string& motion, const std::string& drives,
                    const std::string& posterior, bool effective) {
@@ -106,6 +127,9 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
                      {"kd_nm_s_per_rad", drive.kd_nm_s_per_rad},
                      {"zero_offset_rad", drive.zero_offset_rad}});
   }
+  auto failed = Json::Array();
+  for (const FailedMotion& of : outcome.failed)
+    failed.Append({{"motion", of.motion}, {"stand", of.stand}});
   const Json json = {
       {"motion", motion},
       {"posterior", posterior},
@@ -122,6 +146,7 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
         {"of_joint", of_joint}}},
       {"twin", {{"file", ""}, {"default", true}}},
       {"robots", robots},
+      {"failed", failed},
   };
   return json.Dump(2) + "\n";
 }

@@ -27,14 +27,27 @@ struct GateSettings {
   std::optional<double> deviations = {};
   std::uint64_t seed = 1;
   UntoldSpreads margins;
+  /// Motions that the robot has failed in. A model that stands in one of them is not to be believed
+  /// where it stands in another (GateOutcome::credible).
+  std::vector<std::string> failed;
+};
+
+/// What robots of a posterior do in a motion that the robot has failed in.
+struct FailedMotion {
+  std::string motion;
+  int stand = 0;  ///< Of all robots, the mean and the draws.
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.
 struct GateOutcome {
   std::vector<TrialOutcome> robots;
-  GateDraws draws;      ///< As they were drawn.
-  DrivesConfig drives;  ///< With which they were played.
-  /// Whether all of them are as asked. Only then is the motion to be tried on the robot.
+  GateDraws draws;                   ///< As they were drawn.
+  DrivesConfig drives;               ///< With which they were played.
+  std::vector<FailedMotion> failed;  ///< Those of the settings, in their order.
+  /// Whether none of them stands in a motion that the robot has failed in.
+  [[nodiscard]] bool credible() const;
+  /// Whether all of them are as asked, and credible. Only then is the motion to be tried on the
+  /// robot.
   [[nodiscard]] bool open() const;
 };
 

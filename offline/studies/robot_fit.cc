@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <variant>
 
@@ -243,6 +244,39 @@ class Fitter {
     return best;
   }
 
+  /// Goes on from a robot that is drawn about one: the one that is better by the most than
+  /// derivatives say. Between a robot that stands in a record and one that falls in it none leads.
+  Found Across(double noise, const Found& from) {
+    constexpr std::size_t kDrawn = 192;
+    constexpr double kScale = 2;  // standard deviations
+    const MatrixXd J = objective_.Derivatives(from.u, settings_.per_tick) / noise;
+    const Eigen::LLT<MatrixXd> factor(J.transpose() * J + objective_.precision());
+    std::vector<VectorXd> robots;
+    std::vector<double> expected;
+    for (std::size_t i = 0; i < kDrawn; ++i) {
+      Normal normal(1, i);
+      VectorXd u(from.u.size());
+      for (double& number : u) number = kScale * normal.Draw();
+      expected.push_back(0.5 * u.squaredNorm());
+      factor.matrixU().solveInPlace(u);
+      robots.push_back(objective_.Allowed(from.u + u));
+    }
+    const MatrixXd residuals = objective_.Residuals(robots, settings_.per_tick);
+    double least = std::numeric_limits<double>::infinity();
+    VectorXd best = from.u;
+    for (std::size_t i = 0; i < kDrawn; ++i) {
+      const double more =
+          objective_.ValueOf(residuals.col(ToIndex(i)), robots[i], noise) - expected[i];
+      if (more >= least) continue;
+      least = more;
+      best = robots[i];
+    }
+    Found found;
+    Descend(noise, settings_.iterations, best, found);
+    const double value = objective_.ValueOf(found.residuals, found.u, noise);
+    return value < objective_.ValueOf(from.residuals, from.u, noise) ? found : from;
+  }
+
   [[nodiscard]] bool Interrupted() const {
     return settings_.interrupt != nullptr && *settings_.interrupt;
   }
@@ -352,6 +386,26 @@ double ChiOf(const std::vector<FitResiduals>& records) {
   return std::sqrt(squares / std::max(1.0, readings));
 }
 
+/// What is known before of a robot that no model explains: nearly nothing of how its ground yields
+/// and lets it creep. Where contacts follow another law there is no such quantity that a usual
+/// value would say anything of, and a fit that has to stay near one is off in others for it.
+FitPrior WithAnyGround(const FitPrior& prior) {
+  constexpr double kAnyCompliance = 2, kAnyCreep = 1;  // deviations of logarithms
+  FitPrior any = prior;
+  const std::size_t n = any.known.size();
+  any.first_deviations.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (prior.first_deviations.empty()) any.first_deviations[i] = prior.known.DeviationOf(i);
+    const Kind kind = any.known.quantities[i].kind;
+    double deviation = any.known.DeviationOf(i);
+    if (kind == Kind::kStiffness || kind == Kind::kDamping)
+      deviation = std::max(deviation, kAnyCompliance);
+    if (kind == Kind::kCreepSpeed) deviation = std::max(deviation, kAnyCreep);
+    any.known.covariance[i * n + i] = deviation * deviation;
+  }
+  return any;
+}
+
 /// A robot that does not explain its records.
 struct Effective {
   Found found;
@@ -369,6 +423,7 @@ Effective FitEffective(Objective& objective, double tick_s, Fitter& fitter, cons
   for (int round = 0; round < kRounds; ++round) {
     effective.noise = chi * std::sqrt(kBlock_s / tick_s);
     effective.found = fitter.With(effective.noise, effective.found.u);
+    if (!fitter.Interrupted()) effective.found = fitter.Across(effective.noise, effective.found);
     const double before = chi;
     chi = ChiOf(Split(objective, effective.found.residuals));
     if (chi > kGains * before) break;
@@ -594,24 +649,33 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   outcome.first_deviations = objective.deviations();
   if (best.u.size() == 0) return outcome;
   double noise = 1;
+  const FitPrior any_ground = WithAnyGround(prior);
+  std::optional<Objective> of_effective;
+  Objective* last = &objective;  // the one that the outcome is the minimum of
   if (chi_of(best) > settings.chi_max && !outcome.interrupted) {
-    const Effective effective = FitEffective(objective, records.front().tick_s, fitter, best);
+    of_effective.emplace(records, any_ground, settings);
+    Fitter effective_fitter(*of_effective, settings);
+    const Effective effective =
+        FitEffective(*of_effective, records.front().tick_s, effective_fitter, best);
     // That may be nearer to a robot that explains the records than any other start was.
     const Found found = fitter.From(effective.found.u);
     ++outcome.starts;
     const bool explains = chi_of(found) <= settings.chi_max;
     best = explains ? found : effective.found;
-    if (!explains) noise = effective.noise;
+    if (!explains) {
+      noise = effective.noise;
+      last = &*of_effective;
+    }
   }
-  MatrixXd J = objective.Derivatives(best.u, settings.per_tick);
-  Refine(objective, J, noise, settings, best);
-  J = objective.Derivatives(best.u, settings.per_tick);
-  Refine(objective, J, noise, settings, best);
-  outcome.records = Split(objective, best.residuals);
+  MatrixXd J = last->Derivatives(best.u, settings.per_tick);
+  Refine(*last, J, noise, settings, best);
+  J = last->Derivatives(best.u, settings.per_tick);
+  Refine(*last, J, noise, settings, best);
+  outcome.records = Split(*last, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
-  const About about = LookAbout(objective, J, noise, best);
-  outcome.information = InformationOf(objective, about);
+  const About about = LookAbout(*last, J, noise, best);
+  outcome.information = InformationOf(*last, about);
   const MatrixXd of_variables = Sandwich(about);
   const std::size_t n = prior.known.size();
   const std::vector<double>& deviations = objective.deviations();
@@ -629,7 +693,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
           WideningOf(prior.known.quantities[i].kind) * WideningOf(prior.known.quantities[k].kind);
     }
   }
-  outcome.evaluations = objective.evaluations();
+  outcome.evaluations = objective.evaluations() + (of_effective ? of_effective->evaluations() : 0);
   if (!prior.earlier.empty()) {
     outcome.moved = LostOf(prior.earlier, outcome.posterior.mean);
     outcome.moved_max = ChiSquaredLimit(n);

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
@@ -55,6 +56,8 @@ std::string Verdict(const GateOutcome& gate) {
   std::string robots;
   for (const TrialOutcome& robot : gate.robots)
     robots += fmt::format("{}{}", robots.empty() ? "" : " ", robot.stands() ? '+' : '-');
+  for (const FailedMotion& failed : gate.failed)
+    robots += fmt::format("; {} in one that it fails in", failed.stand);
   return fmt::format("gate {} ({})", gate.open() ? "open" : "closed", robots);
 }
 
@@ -90,15 +93,16 @@ struct StudySettings {
   int robots = 20, first = 0;
   double torque = 1, filter_s = 0, lag_s = 0, weight = 0;
   testing::HiddenBesides besides;
-  std::string task, further, keep;
+  std::string task, further, keep, known;
   std::vector<std::string> gated, guesses;
   int falls = 0, stands = 0, draws = -1;
   double scale = 1, deviations = -1;
   bool one_by_one = false;
-  bool effective = false, each = false;
+  bool effective = false, each = false, tried = false;
   double mujoco_s = 0;
   TuningSettings tuning;
   std::vector<double> annealing;
+  int starts = 0;
   GateSettings gate;
   std::optional<std::uint64_t> seed;
 };
@@ -118,7 +122,9 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--rotor", s.besides.rotor, "deviation of the rotors', a factor").Within(0.0, 1.0);
   line.Option("--creep-speed", s.besides.creep_speed, "deviation of it, a factor").Within(0.0, 1.0);
   line.Option("--length", s.besides.length, "deviation of each link's, a factor").Within(0.0, 1.0);
-  line.Option("--gated", s.gated, "motions that the gate is asked about, and that are then played");
+  line.Option(
+      "--gated", s.gated,
+      "motions that the gate is asked about, and that are then played, as is what is found");
   line.Flag("--one-by-one", s.one_by_one, "fit the records one after the other, and compare");
 #ifdef TUMBLER_WITH_MUJOCO
   line.Option("--mujoco-s", s.mujoco_s,
@@ -146,9 +152,16 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--generations", s.tuning.generations, "at most, of finding it anew").Within(1, 1000);
   line.Option("--rounds", s.tuning.rounds, "of them").Within(1, 10);
   line.Option("--annealing", s.annealing, "of fits");
+  line.Option("--starts", s.starts, "of fits; 0: their own").Within(0, 100);
   line.Flag("--each", s.each, "print every quantity of every robot");
+  line.Flag("--tried", s.tried,
+            "robots have played the first of --guess before, and its record is fitted, too; those "
+            "that fail in it are the failing ones");
   line.Flag("--effective", s.effective, "effective models are tried, too, and their errors count");
-  line.Option("--keep", s.keep, "folder for the posterior of each robot that is fitted");
+  line.Option("--keep", s.keep,
+              "folder for the posterior of each robot that is fitted, and motions found for it");
+  line.Option("--known", s.known,
+              "a folder of --keep: robots of which it has the posterior are not fitted again");
   line.Seed(s.seed, "of the robots");
   line.Parse(argc, argv);
   if (s.draws >= 0) s.gate.draws = s.draws;
@@ -161,13 +174,14 @@ class Study {
  public:
   explicit Study(const StudySettings& settings) : settings_(settings) {
     for (const std::string& motion : settings.motions) runs_.push_back(RunsOf(motion));
+    if (settings.tried) runs_.push_back(RunsOf(settings.guesses.at(0)));
   }
 
   void FitOne(int number);
   /// Whether as many robots failed in the gated motion as were asked for.
   [[nodiscard]] bool HasEnoughFalls() const {
-    return settings_.falls > 0 &&
-           open_falls_ + closed_falls_ + of_failing_.robots >= settings_.falls;
+    return settings_.falls > 0 && (settings_.task.empty() ? open_falls_ + closed_falls_
+                                                          : of_failing_.robots) >= settings_.falls;
   }
   void Print() const;
 
@@ -183,15 +197,21 @@ class Study {
                    const FitOutcome& fit);
   /// @returns  whether a link's mass is wrong by 8 %.
   bool NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit);
-  void AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known);
-  [[nodiscard]] std::string MotionFor(const PosteriorFile& known, const std::string& folder,
-                                      bool& found_anew);
+  /// Asks the gate about a motion, and notes what the robot does with it, whatever the gate says.
+  /// @returns  whether it is open.
+  bool AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known,
+               const std::string& motion);
+  [[nodiscard]] std::string MotionFor(const testing::HiddenRobot& robot, const PosteriorFile& known,
+                                      const std::string& folder, bool& found_anew);
   /// What the records of a robot say.
   struct Known {
     std::vector<RecordedMotion> records;
     FitSettings settings;
     FitOutcome fit;
+    bool rests = true;  ///< Whether it was as asked in all of them.
   };
+  /// Records a robot, and fits it.
+  [[nodiscard]] Known Fit(const testing::HiddenRobot& robot, const std::string& folder);
   void Try(const testing::HiddenRobot& robot, const Known& known, const std::string& folder);
   [[nodiscard]] FitOutcome FitAgain(const testing::HiddenRobot& robot, const Known& known,
                                     const std::string& folder, const std::string& tried) const;
@@ -211,6 +231,7 @@ class Study {
   };
   Tries of_failing_, of_standing_;
   std::set<std::string> tried_;  ///< Motions that the present robot has failed in.
+  int number_ = 0;               ///< Of the present robot.
   bool stood_ = false;           ///< Whether the present robot stands in one of the guesses.
 };
 
@@ -242,34 +263,29 @@ testing::HiddenRobot Study::Draw(int number) const {
 void Study::FitOne(int number) {
   const testing::HiddenRobot robot = Draw(number);
   const testing::TemporaryFolder folder;
+  number_ = number;
   if (!settings_.task.empty()) {
-    stood_ = std::ranges::any_of(
-        settings_.guesses, [&](const std::string& guess) { return RunsOf(guess).Play(robot); });
+    const std::span guesses(settings_.guesses);
+    stood_ =
+        std::ranges::any_of(settings_.tried ? guesses.first(1) : guesses,
+                            [&](const std::string& guess) { return RunsOf(guess).Play(robot); });
     if (stood_ && of_standing_.robots >= settings_.stands) return;
   }
-  std::vector<RecordedMotion> records;
-  bool rests = true;
-  double cpu_s = 0;
-  for (std::size_t m = 0; m < runs_.size(); ++m) {
-    const std::string file = folder / fmt::format("{}.rec", m);
-    rests = runs_[m].Record(robot, file) && rests;
-    const double start = CpuSeconds();
-    records.push_back(ReadRecordedMotion(file));
-    cpu_s += CpuSeconds() - start;
+  const std::string kept = fmt::format("{}/{}.toml", settings_.known, number);
+  Known of;
+  if (!settings_.known.empty() && std::filesystem::exists(kept)) {
+    const PosteriorFile file = LoadPosterior(kept);
+    of.fit.posterior = file.posterior;
+    of.fit.first_deviations = file.prior_deviations;
+    of.fit.chi = file.chi;
+    of.fit.effective = file.effective;
+  } else {
+    of = Fit(robot, folder.path().string());
   }
-  const double start = CpuSeconds();
-  FitSettings settings;
-  if (!settings_.annealing.empty()) settings.annealing = settings_.annealing;
-  const bool weighed = settings_.weight > 0;
-  if (weighed) {
-    const Scene varied = Varied(runs_.front().scene(), robot.variation);
-    for (const auto& dof : varied.robot.tree.dofs) settings.weight_kg += dof.mass_kg;
-  }
-  const FitOutcome fit = FitRobot(records, PriorOfRecords(records, weighed), settings);
-  cpu_.push_back(cpu_s + CpuSeconds() - start);
+  const FitOutcome& fit = of.fit;
   chis_.push_back(fit.chi);
   effective_ += fit.effective ? 1 : 0;
-  if (settings_.one_by_one && !fit.effective) FitOneByOne(records, settings, fit);
+  if (settings_.one_by_one && !fit.effective) FitOneByOne(of.records, of.settings, fit);
   const bool off = NoteErrors(robot, fit);
   PosteriorFile known;
   known.posterior = fit.posterior;
@@ -278,8 +294,10 @@ void Study::FitOne(int number) {
   known.effective = fit.effective;
   if (!settings_.keep.empty())
     PendingFile(fmt::format("{}/{}.toml", settings_.keep, number), ToToml(known)).Commit();
-  if (!settings_.gated.empty()) AskGate(robot, known);
-  if (!settings_.task.empty()) Try(robot, {records, settings, fit}, folder.path().string());
+  tried_.clear();
+  if (settings_.tried && !stood_) tried_.insert(settings_.guesses.front());
+  for (const std::string& motion : settings_.gated) AskGate(robot, known, motion);
+  if (!settings_.task.empty()) Try(robot, of, folder.path().string());
   wrong_ += off ? 1 : 0;
   missed_ += off && !fit.effective ? 1 : 0;
   for (std::size_t q = 0; settings_.each && q < fit.posterior.size(); ++q) {
@@ -288,9 +306,33 @@ void Study::FitOne(int number) {
                fit.posterior.mean[q], fit.posterior.DeviationOf(q),
                TruthOf(runs_.front().scene(), robot, quantity), 100 * fit.ShareLeft(q));
   }
-  fmt::print("{}: chi {:.3f} starts {} cpu {:.2f} s{}{}\n", number, fit.chi, fit.starts,
-             cpu_.back(), fit.effective ? " effective" : "", rests ? "" : " (not as asked)");
+  fmt::print("{}: chi {:.3f} starts {}{}{}\n", number, fit.chi, fit.starts,
+             fit.effective ? " effective" : "", of.rests ? "" : " (not as asked)");
   std::fflush(stdout);
+}
+
+Study::Known Study::Fit(const testing::HiddenRobot& robot, const std::string& folder) {
+  Known known;
+  double cpu_s = 0;
+  for (std::size_t m = 0; m < runs_.size(); ++m) {
+    const std::string file = folder + fmt::format("/{}.rec", m);
+    known.rests = runs_[m].Record(robot, file) && known.rests;
+    const double start = CpuSeconds();
+    known.records.push_back(ReadRecordedMotion(file));
+    cpu_s += CpuSeconds() - start;
+  }
+  const double start = CpuSeconds();
+  if (!settings_.annealing.empty()) known.settings.annealing = settings_.annealing;
+  if (settings_.starts > 0) known.settings.starts = settings_.starts;
+  const bool weighed = settings_.weight > 0;
+  if (weighed) {
+    const Scene varied = Varied(runs_.front().scene(), robot.variation);
+    for (const auto& dof : varied.robot.tree.dofs) known.settings.weight_kg += dof.mass_kg;
+  }
+  known.fit = FitRobot(known.records, PriorOfRecords(known.records, weighed), known.settings);
+  cpu_.push_back(cpu_s + CpuSeconds() - start);
+  fmt::print("  fitted in {:.2f} s\n", cpu_.back());
+  return known;
 }
 
 void Study::FitOneByOne(std::span<const RecordedMotion> records, const FitSettings& fit_settings,
@@ -328,33 +370,38 @@ bool Study::NoteErrors(const testing::HiddenRobot& robot, const FitOutcome& fit)
   return off;
 }
 
-void Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known) {
-  for (const std::string& motion : settings_.gated) {
-    const GateOutcome gate = PassGate(motion, settings_.drives, known, settings_.gate);
-    const bool works = RunsOf(motion).Play(robot);
-    if (gate.open()) {
-      (works ? open_stands_ : open_falls_) += 1;
-    } else {
-      (works ? closed_stands_ : closed_falls_) += 1;
-    }
-    fmt::print("  {}: {}, {}\n", motion, Verdict(gate), works ? "stands" : "falls");
+bool Study::AskGate(const testing::HiddenRobot& robot, const PosteriorFile& known,
+                    const std::string& motion) {
+  GateSettings asked = settings_.gate;
+  asked.failed.assign(tried_.begin(), tried_.end());
+  const GateOutcome gate = PassGate(motion, settings_.drives, known, asked);
+  const bool works = RunsOf(motion).Play(robot);
+  if (gate.open()) {
+    (works ? open_stands_ : open_falls_) += 1;
+  } else {
+    (works ? closed_stands_ : closed_falls_) += 1;
   }
+  fmt::print("  {}: {}, {}\n", motion, Verdict(gate), works ? "stands" : "falls");
+  return gate.open();
 }
 
 /// The motion that is tried on a robot: a guess for which the gate is open, or else one that is
 /// found anew, and for which it is. Empty: none is.
-std::string Study::MotionFor(const PosteriorFile& known, const std::string& folder,
-                             bool& found_anew) {
-  const auto passes = [&](const std::string& motion) {
-    return PassGate(motion, settings_.drives, known, settings_.gate).open();
-  };
+std::string Study::MotionFor(const testing::HiddenRobot& robot, const PosteriorFile& known,
+                             const std::string& folder, bool& found_anew) {
+  const auto passes = [&](const std::string& motion) { return AskGate(robot, known, motion); };
   found_anew = false;
   for (const std::string& guess : settings_.guesses) {
+    // Of what is not near the motion that the robot has failed in its record tells little.
+    if (settings_.tried && !stood_) break;
     if (!tried_.contains(guess) && passes(guess)) return guess;
   }
   found_anew = true;
   const double start = CpuSeconds();
-  std::string motion = folder + fmt::format("/tuned{}.toml", tuning_.size());
+  std::string motion =
+      settings_.keep.empty()
+          ? folder + fmt::format("/tuned{}.toml", tuning_.size())
+          : fmt::format("{}/{}_motion{}.toml", settings_.keep, number_, tuning_.size());
   const std::string cause =
       testing::FindAnew(settings_.task, settings_.guesses, known, settings_.tuning, motion);
   tuning_.push_back(CpuSeconds() - start);
@@ -385,7 +432,6 @@ FitOutcome Study::FitAgain(const testing::HiddenRobot& robot, const Known& known
 void Study::Try(const testing::HiddenRobot& robot, const Known& known, const std::string& folder) {
   Tries& tries = stood_ ? of_standing_ : of_failing_;
   ++tries.robots;
-  tried_.clear();
   PosteriorFile file;
   file.posterior = known.fit.posterior;
   file.effective = known.fit.effective;
@@ -395,7 +441,7 @@ void Study::Try(const testing::HiddenRobot& robot, const Known& known, const std
     return settings_.effective || !fit.effective;
   };
   const std::string motion =
-      may_try(known.fit) ? MotionFor(file, folder, found_anew) : std::string();
+      may_try(known.fit) ? MotionFor(robot, file, folder, found_anew) : std::string();
   const char* const which = stood_ ? "standing" : "failing";
   if (!motion.empty() && RunsOf(motion).Play(robot)) {
     ++(found_anew ? tries.stands : tries.kept);
@@ -411,7 +457,8 @@ void Study::Try(const testing::HiddenRobot& robot, const Known& known, const std
   file.posterior = again.posterior;
   file.effective = again.effective;
   file.chi = again.chi;
-  const std::string second = may_try(again) ? MotionFor(file, folder, found_anew) : std::string();
+  const std::string second =
+      may_try(again) ? MotionFor(robot, file, folder, found_anew) : std::string();
   again_.push_back(CpuSeconds() - start);
   if (second.empty()) {
     fmt::print("    then refused\n");
@@ -451,7 +498,7 @@ void Study::Print() const {
         Quantile(tuning_, 0.05), Quantile(tuning_, 0.5), Quantile(tuning_, 0.95),
         Quantile(again_, 0.5));
   }
-  if (!settings_.gated.empty()) {
+  if (!settings_.gated.empty() || !settings_.task.empty()) {
     fmt::print("gate: of {} that fail it refuses {}; of {} that stand it refuses {}\n",
                open_falls_ + closed_falls_, closed_falls_, open_stands_ + closed_stands_,
                closed_stands_);

@@ -308,6 +308,30 @@ TEST(Gate, IsOpenForTheModelAndClosedOnIce) {
   EXPECT_EQ(ice.robots.size(), 2U);
 }
 
+TEST(Gate, IsClosedWhereTheModelStandsInWhatTheRobotFailedIn) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  PosteriorFile file = FileOf(PriorOf(task.problem.scene));
+  for (double& value : file.posterior.covariance) value *= 1e-6;
+  const std::string motion = testing::SourcePath("primitives/stand.toml");
+  GateSettings settings;
+  settings.draws = 1;
+  settings.margins = {0, 0};
+  settings.failed = {testing::SourcePath("primitives/handstand.toml")};
+  const GateOutcome stands = PassGate(motion, kDrives, file, settings);
+  EXPECT_FALSE(stands.credible());
+  EXPECT_FALSE(stands.open());
+  ASSERT_EQ(stands.failed.size(), 1U);
+  EXPECT_EQ(stands.failed[0].stand, 2);
+  // On ice it fails in the handstand, too.
+  for (std::size_t i = 0; i < file.posterior.size(); ++i) {
+    if (file.posterior.quantities[i].kind == RobotQuantity::Kind::kFriction)
+      file.posterior.mean[i] = std::log(0.04);
+  }
+  const GateOutcome falls = PassGate(motion, kDrives, file, settings);
+  EXPECT_TRUE(falls.credible());
+  EXPECT_TRUE(falls.open());
+}
+
 TEST(Gate, PlaysMoreRobotsOfAnEffectiveModel) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   PosteriorFile file = FileOf(PriorOf(task.problem.scene));
