@@ -45,11 +45,13 @@ struct RobustSettings {
   LaneDrive drive{.kp = 100, .kd = 5};
   /// Between these is the motion's duration found; none: it is the task's.
   std::optional<double> duration_min_s, duration_max_s;
-  /// Random motions that are played on the model.
+  /// Random motions that are played on the model, where how robots arrive does not tell what comes
+  /// of them.
   int samples = 30000;
-  /// Motions that are improved first, each with few robots ...
+  /// Motions that are found for the model, or the best of the random ones, which are led to where
+  /// robots come to rest, or improved with few robots ...
   int starts = 24;
-  /// ... then the best of them, with more robots ...
+  /// ... until so many are left, or then these with more robots ...
   int improved = 3;
   /// ... and at last the best of these, with the most, whose spreads are this much larger.
   double polish_scale = 1.5;
@@ -58,7 +60,8 @@ struct RobustSettings {
   /// robots, at last with all of them. Few robots lead far at little cost; what is found for few
   /// alone suits these.
   int polish_rounds = 1;
-  /// Generations of the last stage; the first has 1/3 of them, the second 1/2.
+  /// Generations of the last stage, and of a motion that is led to the end. Random motions have 1/3
+  /// of them at first, then 1/2.
   int generations = 150;
   std::optional<FeedbackSettings> feedback;
 };

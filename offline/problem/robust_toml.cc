@@ -110,20 +110,20 @@ constexpr std::array kRobustKeys = {
         "duration_min_s", {0.05, 20}, "the motion's duration is found, too: not below this ..."),
     KeyOf<&RobustSettings::duration_max_s, RobustEntry>(
         "duration_max_s", {0.05, 20}, "... nor above this; the task's has to lie between them"),
-    KeyOf<&RobustSettings::samples, RobustEntry>("samples", {8, 10'000'000},
-                                                 "random motions, played on the model"),
-    KeyOf<&RobustSettings::starts, RobustEntry>("starts", {1, 1000},
-                                                "of these are improved with 16 robots"),
+    KeyOf<&RobustSettings::samples, RobustEntry>(
+        "samples", {8, 10'000'000}, "random motions, where robots' arrival tells nothing"),
+    KeyOf<&RobustSettings::starts, RobustEntry>(
+        "starts", {1, 1000}, "motions found for the model, or the best of these"),
     KeyOf<&RobustSettings::improved, RobustEntry>("improved", {1, 1000},
-                                                  "of these are improved with 32 robots"),
+                                                  "of these are left for the last improvement"),
     KeyOf<&RobustSettings::polish_robots, RobustEntry>("polish_robots", {8, 100'000},
                                                        "with which the best is improved at last"),
     KeyOf<&RobustSettings::polish_scale, RobustEntry>("polish_scale", {0, 10}, "of their spreads"),
     KeyOf<&RobustSettings::polish_rounds, RobustEntry>(
         "polish_rounds", {1, 8},
         "how often: each time from what was found before, with twice the robots, at last with all"),
-    KeyOf<&RobustSettings::generations, RobustEntry>("generations", {1, 100'000},
-                                                     "of the last improvement"),
+    KeyOf<&RobustSettings::generations, RobustEntry>(
+        "generations", {1, 100'000}, "of the last improvement, and of a motion that is led"),
 };
 
 /// The key of that name.

@@ -36,6 +36,19 @@ CmaEs::CmaEs(const std::vector<double>& start, double sigma, int population, std
   expected_norm_ = std::sqrt(n) * (1 - 1 / (4 * n) + 1 / (21 * n * n));
 }
 
+CmaEs::CmaEs(const std::vector<double>& start, const Eigen::MatrixXd& covariance, int population,
+             std::uint64_t seed)
+    : CmaEs(start, 1, population, seed) {
+  covariance_ = covariance;
+  Decompose();
+}
+
+void CmaEs::Decompose() {
+  const DenseEigen eigen = DecomposeSymmetric(covariance_);
+  axes_ = eigen.vectors;
+  scales_ = eigen.values.cwiseMax(1e-20).cwiseSqrt();
+}
+
 std::vector<std::vector<double>> CmaEs::Ask() {
   candidates_.clear();
   std::vector<std::vector<double>> out;
@@ -75,9 +88,7 @@ void CmaEs::Tell(const std::vector<double>& values) {
     covariance_ += c_mu_ * weights_[i] * y * y.transpose();
   }
   sigma_ *= portable::Exp(c_s_ / damping_ * (path_s_.norm() / expected_norm_ - 1));
-  const DenseEigen eigen = DecomposeSymmetric(covariance_);
-  axes_ = eigen.vectors;
-  scales_ = eigen.values.cwiseMax(1e-20).cwiseSqrt();
+  Decompose();
 }
 
 }  // namespace tumbler

@@ -19,16 +19,26 @@ class CmaEs {
   /// @param seed   determines all candidates.
   CmaEs(const std::vector<double>& start, double sigma, int population, std::uint64_t seed);
 
+  /// @param covariance  with which candidates are drawn at first, symmetric and positive definite.
+  CmaEs(const std::vector<double>& start, const Eigen::MatrixXd& covariance, int population,
+        std::uint64_t seed);
+
   /// New candidates.
   std::vector<std::vector<double>> Ask();
   /// @param values  of the candidates of the last Ask; lower is better, and none is NaN.
   void Tell(const std::vector<double>& values);
 
+  /// How many variables there are.
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(n_); }
+  /// Of every variable at first, where the search began with one; else a factor of its covariance.
   [[nodiscard]] double sigma() const { return sigma_; }
   /// The mean of the distribution that candidates are drawn from.
   [[nodiscard]] std::vector<double> mean() const { return {mean_.begin(), mean_.end()}; }
 
  private:
+  /// Takes axes and scales from the covariance.
+  void Decompose();
+
   int n_, population_, parents_;
   double sigma_;
   Normal normal_;

@@ -33,6 +33,18 @@ std::array<double, Packet::kLanes> RobotLoss::Off(const LaneState<Packet>& state
   return off;
 }
 
+std::array<double, Packet::kLanes> RobotLoss::Divergence(const LaneState<Packet>& state) const {
+  constexpr double kMost_rad_s = 20;
+  std::array<double, Packet::kLanes> divergence;
+  for (std::size_t lane = 0; lane < divergence.size(); ++lane) {
+    const double off_rad = state.q[kPitch].lane(lane) - target_rad_;
+    const double rate_rad_s = kFalls_per_s * off_rad + state.v[kPitch].lane(lane);
+    divergence[lane] =
+        std::isfinite(rate_rad_s) ? std::clamp(rate_rad_s, -kMost_rad_s, kMost_rad_s) : kMost_rad_s;
+  }
+  return divergence;
+}
+
 double RobotLoss::Of(double settled, double off, double speed, double astray) const {
   const double t = 0.96 * tolerance_rad_, w = 1.2 * CostTerm::kRateTolerance;
   if (off < t && settled < t && speed < w) {

@@ -24,8 +24,20 @@ class RobotLoss {
   /// The loss of a robot that the runtime stops, or whose own shapes overlap.
   static constexpr double kFault = 1.3;
 
+  /// How fast a pendulum falls: this is one of 0.6 m. From 3 to 12 tell equally well 0.1 s after a
+  /// handstand's end which robots will stand.
+  static constexpr double kFalls_per_s = 4;
+
   /// @pre the problem has a target of the pitch.
   explicit RobotLoss(const Problem& problem);
+
+  /// How fast robots leave the target of the pitch [rad/s]: what of the motion of an inverted
+  /// pendulum grows (the divergent component of motion [T09], times kFalls_per_s), at most 20
+  /// either way. One that comes to rest there by itself has little of it.
+  ///
+  /// [T09] T. Takenaka, T. Matsumoto, T. Yoshiike, Real Time Motion Generation and Control for
+  /// Biped Robot, 1st Report, IROS 2009.
+  [[nodiscard]] std::array<double, Packet::kLanes> Divergence(const LaneState<Packet>& state) const;
 
   [[nodiscard]] double target_rad() const { return target_rad_; }        ///< Of the pitch.
   [[nodiscard]] double tolerance_rad() const { return tolerance_rad_; }  ///< Likewise.

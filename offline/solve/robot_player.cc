@@ -21,6 +21,8 @@ constexpr double kNearShapes_m = 1e-3;
 /// How often it is looked at where robots are, and from how long before the end of the motion on
 /// [ticks].
 constexpr int kLookAtWay = 25, kBeforeEnd = 100;
+/// When divergences are looked at, after the end of the motion [ticks].
+constexpr int kSoonAfter = 100, kLaterOn = 250;
 /// How many robots are looked at, for each that is wanted, to find those that no motion carries;
 /// and in how many packets at a time.
 constexpr int kLookedForEach = 200;
@@ -45,6 +47,9 @@ class PacketPlay {
   }
 
   [[nodiscard]] std::array<double, Packet::kLanes> Off() const { return task_.loss.Off(state_); }
+  [[nodiscard]] std::array<double, Packet::kLanes> Divergence() const {
+    return task_.loss.Divergence(state_);
+  }
   [[nodiscard]] bool faulty(std::size_t lane) const { return faulty_[lane]; }
   /// The root's largest since the last Watch.
   [[nodiscard]] double speed(std::size_t lane) const { return watch_.root_speed.lane(lane); }
@@ -161,6 +166,18 @@ std::array<double, Packet::kLanes> RobotLosses(const RobustTask& task, const Ens
                                                     astray[lane] / looks);
   }
   return losses;
+}
+
+std::array<std::array<double, Packet::kLanes>, 2> RobotDivergences(const RobustTask& task,
+                                                                   const Ensemble& ensemble,
+                                                                   std::size_t packet,
+                                                                   const PacketMotion& motion,
+                                                                   LaneDistances& distances) {
+  PacketPlay play(task, ensemble, packet, motion, distances);
+  play.Advance(motion.ticks + kSoonAfter);
+  const std::array<double, Packet::kLanes> soon = play.Divergence();
+  play.Advance(motion.ticks + kLaterOn);
+  return {soon, play.Divergence()};
 }
 
 std::vector<std::uint64_t> RobotsNotCarried(const RobustTask& task, const RobotDraw& draw,

@@ -35,6 +35,14 @@ struct PacketMotion {
                                                              const PacketMotion& motion,
                                                              LaneDistances& distances);
 
+/// Plays a motion until 0.25 s after its end.
+/// @returns RobotLoss::Divergence of each robot: soon after the end, and when it shows what comes
+/// of
+///          it.
+[[nodiscard]] std::array<std::array<double, Packet::kLanes>, 2> RobotDivergences(
+    const RobustTask& task, const Ensemble& ensemble, std::size_t packet,
+    const PacketMotion& motion, LaneDistances& distances);
+
 /// The numbers of the first robots of a draw that no motion of the task's complement carries.
 /// @param count  of robots, whole packets. Fewer, whole packets, are returned where so many are
 /// hard

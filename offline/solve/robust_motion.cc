@@ -30,6 +30,14 @@ std::vector<double> RobustMotion::Reduce(std::span<const double> parameters) con
   return x;
 }
 
+std::vector<double> RobustMotion::Reduce(std::span<const double> parameters,
+                                         double duration_s) const {
+  std::vector<double> x = Reduce(parameters);
+  if (task_.free_duration())
+    x.back() = portable::Log(duration_s / task_.problem.duration_s) / kStretch;
+  return x;
+}
+
 std::vector<double> RobustMotion::Parameters(const std::vector<double>& x) const {
   return paths_.Expand({x.data(), paths_.count()});
 }

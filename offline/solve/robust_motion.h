@@ -31,6 +31,9 @@ class RobustMotion {
   }
   /// The variables of a problem's parameters, for the problem's duration.
   [[nodiscard]] std::vector<double> Reduce(std::span<const double> parameters) const;
+  /// The same for another duration, where it is free.
+  [[nodiscard]] std::vector<double> Reduce(std::span<const double> parameters,
+                                           double duration_s) const;
   /// The problem's parameters.
   [[nodiscard]] std::vector<double> Parameters(const std::vector<double>& x) const;
   /// How long it takes: whole ticks where that is free.

@@ -133,6 +133,44 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
   return losses;
 }
 
+std::vector<RobustRanking::Arrival> RobustRanking::Arrivals(
+    const std::vector<std::vector<double>>& motions, const Ensemble& ensemble) const {
+  std::vector<Arrival> arrivals(motions.size());
+  std::vector<double> penalties(motions.size());
+  ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
+    LaneDistances distances = DistancesOf(task_);
+    for (const Runner& runner :
+         RunnersOf(motions, Index(p) * Packet::kLanes, distances.front(), penalties)) {
+      Arrival& arrival = arrivals[runner.motion];
+      arrival.penalty = kExcessWeight * runner.plan.excess;
+      const PacketMotion motion{runner.setpoints, runner.ticks};
+      for (std::size_t packet = 0; packet < ensemble.robots.size(); ++packet) {
+        const auto [soon, later] = RobotDivergences(task_, ensemble, packet, motion, distances);
+        for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+          arrival.divergences.push_back(soon[lane]);
+          arrival.divergences.push_back(later[lane]);
+        }
+      }
+    }
+  });
+  for (std::size_t i = 0; i < motions.size(); ++i) arrivals[i].penalty += penalties[i];
+  return arrivals;
+}
+
+std::vector<double> RobustRanking::LossesOfRobots(const std::vector<double>& x,
+                                                  const Ensemble& ensemble) const {
+  std::vector<double> losses, penalties(1);
+  LaneDistances distances = DistancesOf(task_);
+  for (const Runner& runner : RunnersOf({x}, 0, distances.front(), penalties)) {
+    for (std::size_t packet = 0; packet < ensemble.robots.size(); ++packet) {
+      const auto of_packet =
+          RobotLosses(task_, ensemble, packet, {runner.setpoints, runner.ticks}, distances);
+      losses.insert(losses.end(), of_packet.begin(), of_packet.end());
+    }
+  }
+  return losses;
+}
+
 std::vector<double> RobustRanking::EvaluateHalf(const std::vector<std::vector<double>>& motions,
                                                 const Ensemble& ensemble, int generation) const {
   const std::size_t packet = Index(generation) % ensemble.robots.size();

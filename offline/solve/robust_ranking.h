@@ -37,6 +37,20 @@ class RobustRanking {
                                              const Ensemble& ensemble) const {
     return Evaluate(motions, ensemble, Model::kCounts);
   }
+  /// How robots arrive in a motion.
+  struct Arrival {
+    double penalty = 0;  ///< For limits that the path, or its plan, does not keep.
+    /// RobotDivergences of each robot, one after the other; empty where the motion cannot be
+    /// played.
+    std::vector<double> divergences;
+  };
+  /// @pre no gains
+  [[nodiscard]] std::vector<Arrival> Arrivals(const std::vector<std::vector<double>>& motions,
+                                              const Ensemble& ensemble) const;
+  /// The loss of each robot; empty where the motion cannot be played.
+  /// @pre no gains
+  [[nodiscard]] std::vector<double> LossesOfRobots(const std::vector<double>& x,
+                                                   const Ensemble& ensemble) const;
   /// Losses of motions by which they can be ordered, where a motion is tuned to one robot: each is
   /// played on a packet of the robots, another one in each generation, and the better half on all.
   /// The others' losses are as much higher as those of a motion that is dropped in a race.

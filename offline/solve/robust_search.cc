@@ -11,6 +11,7 @@
 
 #include "common/core/index.h"
 #include "common/files/parallel_for.h"
+#include "offline/solve/capture_search.h"
 #include "offline/solve/cma_es.h"
 #include "offline/solve/random_starts.h"
 #include "offline/solve/robust_ranking.h"
@@ -25,6 +26,11 @@ struct Drawing {
   static constexpr double kScale = 1;
 };
 
+/// Robots that motions are led to, and by which those that were led are compared.
+struct Capturing {
+  static constexpr int kRobots = 512, kJudges = 128;
+};
+
 /// A stage in which several motions are improved.
 struct Stage {
   int robots;
@@ -37,6 +43,9 @@ constexpr Stage kSecond{32, 1.25, 0.05, 2};
 
 /// The last improvement, of one motion, with the task's robots.
 struct Polishing {
+  static constexpr double kReach_rad = 0.15;
+  /// Of all variables, where a motion is tuned to one robot, which is near, or divergences
+  /// tell nothing.
   static constexpr double kSigma = 0.03;
 };
 
@@ -121,7 +130,8 @@ class RobustSearch {
                std::span<const Primitive<double>> complement)
       : task_(problem, options, complement) {}
 
-  /// @param guess  a motion to begin with, in place of the first two stages; empty: none. Where a
+  /// @param guess  a motion to begin with, in place of all before the last improvement; empty:
+  /// none. Where a
   ///               feedback is asked for, it stays as it is.
   /// @param gains  the guess's feedback, where its gains are taken; null: they are found.
   std::vector<Candidate> Run(std::span<const double> guess, const Feedback<double>* gains) {
@@ -136,8 +146,12 @@ class RobustSearch {
         best = Polish(best);
       }
     } else {
-      best = Improve(RandomMotions(), task_.settings.starts, kFirst);
-      best = WithPolished(Improve(best, task_.settings.improved, kSecond));
+      best = Captured(FoundForTheModel());
+      if (best.empty()) {
+        best = Improve(RandomMotions(), task_.settings.starts, kFirst);
+        best = Improve(best, task_.settings.improved, kSecond);
+      }
+      best = WithPolished(best);
     }
     // No gains mend a path that the model itself cannot play.
     as_it_is_ = taken_ != nullptr ||
@@ -207,18 +221,24 @@ class RobustSearch {
   }
   std::vector<Candidate> Polish(std::vector<Candidate> from) {
     const RobustSettings& settings = task_.settings;
+    std::vector<Candidate> polished;
     for (int round = settings.polish_rounds - 1; round >= 0; --round) {
-      from = Improve(from, 1, Polishing::kSigma, PolishingRobots(1 << round), settings.generations);
-      if (task_.tunes() && !from.empty() && from.front().loss > Tuning::kNoUse) break;
+      if (from.empty() || interrupted()) break;
+      ++stage_;
+      const Ensemble ensemble = PolishingRobots(1 << round);
+      from = {ImproveOne(from.front(), PolishingSearch(from.front().x, ensemble), 0, ensemble,
+                         settings.generations)};
+      polished = from;
+      if (task_.tunes() && from.front().loss > Tuning::kNoUse) break;
     }
     const bool raced = RobustRanking::CanRace(Index(settings.polish_robots));
-    if (from.empty() || !raced || !task_.complement.empty() || interrupted()) return from;
+    if (polished.empty() || !raced || !task_.complement.empty() || interrupted()) return polished;
     // The least of many losses is also that of the motion that suits these robots by chance.
     const std::vector<double> losses = Evaluate(elite_, PolishingRobots(1, 1));
     const auto least = std::ranges::min_element(losses);
-    from.front() = {elite_[static_cast<std::size_t>(least - losses.begin())], *least};
+    polished.front() = {elite_[static_cast<std::size_t>(least - losses.begin())], *least};
     Tell(false, 0, *least);
-    return from;
+    return polished;
   }
 
   /// Motions made for one robot each, of those that the complement's motions do not carry, judged
@@ -237,9 +257,10 @@ class RobustSearch {
       if (interrupted()) break;
       const Ensemble one =
           DrawEnsemble(task_, draw, std::vector<std::uint64_t>(Packet::kLanes, robot));
-      found.push_back(ImproveOne(from, static_cast<int>(found.size()) - 1, Complementing::kSigma,
-                                 one, settings.generations / Complementing::kGenerationsShare,
-                                 RobotLoss::kHopeless));
+      const int start = static_cast<int>(found.size()) - 1;
+      found.push_back(ImproveOne(
+          from, CmaEs(from.x, Complementing::kSigma, Improving::kPopulation, SeedOf(start)), start,
+          one, settings.generations / Complementing::kGenerationsShare));
     }
     EvaluateAgain(found, PolishingRobots(1));
     const double worst = std::ranges::max(found, {}, &Candidate::loss).loss;
@@ -270,8 +291,10 @@ class RobustSearch {
       ++stage_;
       const double sigma =
           round == settings.polish_rounds ? FindingGains::kSigma : FindingGains::kLaterSigma;
-      motion = ImproveOne(motion, 0, sigma, PolishingRobots(1 << round), settings.generations,
-                          RobotLoss::kHopeless, motion_.count());
+      const std::vector<double> gains(
+          motion.x.begin() + static_cast<std::ptrdiff_t>(motion_.count()), motion.x.end());
+      motion = ImproveOne(motion, CmaEs(gains, sigma, Improving::kPopulation, SeedOf(0)), 0,
+                          PolishingRobots(1 << round), settings.generations);
     }
   }
 
@@ -314,6 +337,80 @@ class RobustSearch {
     const Evaluation evaluation{global, start, evaluations_, loss, 0};
     history_.push_back(evaluation);
     if (task_.options.progress) task_.options.progress(evaluation);
+  }
+
+  /// Motions that are found for the model, each from a seed of its own. Where the duration is free,
+  /// they take from the least to the most. Empty where the first says that how robots arrive does
+  /// not tell what comes of them.
+  std::vector<Candidate> FoundForTheModel() {
+    const RobustSettings& settings = task_.settings;
+    SolveOptions silent;
+    silent.threads = task_.options.threads;
+    silent.interrupt = task_.options.interrupt;
+    const Ensemble robots =
+        MakeEnsemble(Capturing::kJudges, settings.polish_scale, RobustTask::kRough);
+    Telling telling = Telling::kUnknown;
+    std::vector<Candidate> found;
+    for (int i = 0; i < settings.starts && !interrupted(); ++i) {
+      Problem problem = task_.problem;
+      problem.robust.reset();
+      problem.search.seed = SeedOf(i);
+      if (task_.free_duration()) {
+        const double part = (i + 0.5) / settings.starts;
+        problem.duration_s =
+            *settings.duration_min_s + part * (*settings.duration_max_s - *settings.duration_min_s);
+      }
+      const SolveOutcome outcome = Solve(problem, silent);
+      evaluations_ += outcome.evaluations;
+      if (outcome.solutions.empty()) continue;
+      const Solution& best = outcome.solutions.front();
+      found.push_back({motion_.Reduce(best.x, problem.duration_s), best.rollout.cost});
+      Tell(true, i, best.rollout.cost);
+      if (telling == Telling::kUnknown) telling = DivergenceTells(ranking_, found.back().x, robots);
+      if (telling == Telling::kNo) return {};
+    }
+    SortByLoss(found);
+    return found;
+  }
+
+  /// Motions led to where robots come to rest; those that leave the fewest
+  /// falling come first.
+  std::vector<Candidate> Captured(const std::vector<Candidate>& found) {
+    if (found.empty()) return {};
+    std::vector<std::vector<double>> from;
+    for (const Candidate& candidate : found) from.push_back(candidate.x);
+    ++stage_;
+    const std::vector<CapturedMotion> led = Capture(
+        ranking_, from,
+        MakeEnsemble(Capturing::kRobots, task_.settings.polish_scale, RobustTask::kRough),
+        {.starts = Index(task_.settings.starts),
+         .wanted = Index(task_.settings.improved),
+         .generations = task_.settings.generations},
+        SeedOf(0),
+        [this](int start, int motions, double loss) {
+          evaluations_ += motions;
+          Tell(false, start, loss);
+        },
+        [this] { return interrupted(); });
+    std::vector<Candidate> captured;
+    for (const CapturedMotion& motion : led) captured.push_back({motion.x, motion.loss});
+    EvaluateAgain(captured, MakeEnsemble(Capturing::kJudges, task_.settings.polish_scale,
+                                         RobustTask::kRough));
+    return captured;
+  }
+
+  /// Of a start of the present stage.
+  [[nodiscard]] std::uint64_t SeedOf(int start) const {
+    return task_.problem.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
+  }
+  /// From a motion that is to be polished.
+  [[nodiscard]] CmaEs PolishingSearch(const std::vector<double>& x,
+                                      const Ensemble& ensemble) const {
+    if (!task_.beside_model() && DivergenceTells(ranking_, x, ensemble) != Telling::kNo) {
+      return {x, ArrivalCovariance(ranking_, x, ensemble, Polishing::kReach_rad),
+              Improving::kPopulation, SeedOf(0)};
+    }
+    return {x, Polishing::kSigma, Improving::kPopulation, SeedOf(0)};
   }
 
   /// Random motions, each in a lane of its own on the model; the best of them on 16 robots.
@@ -379,23 +476,25 @@ class RobustSearch {
     for (int start = 0; start < count && start < static_cast<int>(from.size()); ++start) {
       if (interrupted()) break;
       improved.push_back(
-          ImproveOne(from[Index(start)], start, sigma, ensemble, generations, rival));
+          ImproveOne(from[Index(start)],
+                     CmaEs(from[Index(start)].x, sigma, Improving::kPopulation, SeedOf(start)),
+                     start, ensemble, generations, rival));
       rival = std::min(rival, improved.back().loss);
     }
     SortByLoss(improved);
     return improved;
   }
 
-  /// @param first  of the variables that are changed; those before it stay.
-  Candidate ImproveOne(const Candidate& from, int start, double sigma, const Ensemble& ensemble,
-                       int generations, double rival, std::size_t first = 0) {
-    const bool races =
-        task_.complement.empty() && RobustRanking::CanRace(ensemble.robots.size() * Packet::kLanes);
-    const std::uint64_t seed = task_.problem.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
-    const auto begin = from.x.begin() + static_cast<std::ptrdiff_t>(first);
+  /// @param search  from the last of the motion's variables on; those before them stay.
+  Candidate ImproveOne(const Candidate& from, CmaEs search, int start, const Ensemble& ensemble,
+                       int generations, double rival = RobotLoss::kHopeless) {
     const double hopeless =
         std::min(RobotLoss::kHopeless, Improving::kTimesRival * rival + Improving::kAboveRival);
-    CmaEs search({begin, from.x.end()}, sigma, Improving::kPopulation, seed);
+    const bool races =
+        task_.complement.empty() && RobustRanking::CanRace(ensemble.robots.size() * Packet::kLanes);
+    const std::ptrdiff_t kept =
+        static_cast<std::ptrdiff_t>(from.x.size()) - static_cast<std::ptrdiff_t>(search.size());
+    const auto begin = from.x.begin() + kept;
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
     elite_ = {from.x};
     TuningEnd tuned;

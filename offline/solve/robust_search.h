@@ -10,10 +10,9 @@ namespace tumbler {
 /// Finds a motion that robots survive which differ from the problem's (`Problem::robust`), without
 /// a guess, in lanes (`LaneKernel`):
 ///
-/// 1. Random motions are played on the model, and the best of them on 16 robots.
-/// 2. CMA-ES improves the best few of these with 16 robots, fewer of them with 32, whose spreads
-/// are
-///    1.25 times as large, and the best with `polish_robots`.
+/// 1. Motions are found for the model, without a guess (Solve).
+/// 2. They are led to where robots arrive so that they come to rest (Capture).
+/// 3. CMA-ES improves the best with `polish_robots`.
 ///
 /// A robot follows the motion through its drives, with the plan's torques as feed-forward. What is
 /// minimised is the mean over the robots of how far they are from resting at the targets: less than

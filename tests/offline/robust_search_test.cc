@@ -76,6 +76,20 @@ TEST(CmaEs, TheSeedDeterminesTheCandidates) {
   EXPECT_NE(b.Ask(), c.Ask());
 }
 
+TEST(CmaEs, ACovarianceShapesWhatIsDrawnFirst) {
+  // Of a large generation: stiff along (1, -1), soft along (1, 1).
+  Eigen::MatrixXd covariance(2, 2);
+  covariance << 4.01, 3.99, 3.99, 4.01;
+  CmaEs search({1, 2}, covariance, 4000, 3);
+  double along = 0, across = 0;
+  for (const std::vector<double>& x : search.Ask()) {
+    along += std::pow(x[0] - 1 + x[1] - 2, 2) / 2 / 4000;
+    across += std::pow(x[0] - 1 - x[1] + 2, 2) / 2 / 4000;
+  }
+  EXPECT_NEAR(along, 8, 0.6);
+  EXPECT_NEAR(across, 0.02, 0.0015);
+}
+
 TEST(RobustSearch, TheResultDoesNotDependOnTheThreads) {
   const Problem problem = ProblemOf(QuickRobustTask());
   SolveOptions options;
@@ -137,7 +151,7 @@ TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
 }
 
 TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
-  Problem problem = ProblemOf(QuickRobustTask());
+  Problem problem = ProblemOf(QuickRobustTask("zero_rad = 0.05\n"));
   std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
   for (double& x : guess) x += 0.1;  // Worse than what a round makes of it.
   const SolveOutcome eight = SolveRobust(problem, {}, guess);
@@ -284,15 +298,25 @@ double NearestAlong(const Problem& problem, const std::vector<double>& x) {
   return nearest_m;
 }
 
+/// Of the joints, from their starts to their ends.
+std::vector<double> StraightPaths(const Problem& problem) {
+  std::vector<double> paths;
+  for (const ActuatedJoint& joint : problem.joints) {
+    for (int i = 1; i <= joint.free_points(); ++i)
+      paths.push_back(joint.start_rad +
+                      (joint.end_rad - joint.start_rad) * i / (joint.free_points() + 1));
+  }
+  return paths;
+}
+
 TEST(RobustSearch, RobotsWhoseOwnShapesOverlapThoughThePlansDoNotAreLostToGainsInTheMotion) {
   // Encoders are off, so that some robots hold their legs nearer than the plan does.
   Problem problem =
       ProblemOf(QuickRobustTask("zero_rad = 0.03\n[robust.feedback]\nlink = \"leg2_link\"\n"));
-  const std::vector<double> guess =
-      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  const std::vector<double> guess = StraightPaths(problem);
   EXPECT_LE(SolveRobust(problem, {}, guess).history.back().cost, 0.05);
   // Legs so thick that little remains between them. Of eight robots that follow this plan one comes
-  // nearer by 0.6 mm, and where encoders are off one by 0.8 mm.
+  // nearer by 0.4 mm, and where encoders are off two do.
   problem.scene.self_contact.clearance_m = 0;
   const std::vector<OwnShape> thin = problem.scene.robot.own_shapes;
   Problem exact = ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\n"));
@@ -307,10 +331,12 @@ TEST(RobustSearch, RobotsWhoseOwnShapesOverlapThoughThePlansDoNotAreLostToGainsI
     return std::pair(SolveRobust(exact, {}, guess).history.back().cost,
                      SolveRobust(problem, {}, guess).history.back().cost);
   };
-  EXPECT_GE(costs(0.6e-3).first, 0.15);
-  const auto [of_exact, of_off] = costs(0.8e-3);
-  EXPECT_LE(of_exact, 0.05);
-  EXPECT_GE(of_off, 0.15);
+  const auto [exact_far, off_far] = costs(0.6e-3);
+  EXPECT_LE(exact_far, 0.05);
+  EXPECT_LE(off_far, 0.05);
+  const auto [exact_near, off_near] = costs(0.3e-3);
+  EXPECT_GE(exact_near, 0.15) << "one of eight is lost";
+  EXPECT_GE(off_near, exact_near + 0.1) << "and another one";
 }
 
 TEST(RobustSearch, AFeedbackOfTheHoldLeavesTheMotionAsItIsAndActsAtItsEnd) {

@@ -1,0 +1,165 @@
+#include "offline/solve/capture_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/core/functions.h"
+#include "common/core/index.h"
+#include "offline/model/dense_eigen.h"
+#include "offline/solve/cma_es.h"
+
+namespace tumbler {
+namespace {
+
+/// Of the differences by which it is found how a motion's variables change arrivals.
+constexpr double kStep_rad = 3e-3;
+/// A change of a divergence that most robots bear, and one beyond which it tells nothing of what
+/// robots near the target would do [rad/s].
+constexpr double kBorne_rad_s = 0.5, kNear_rad_s = 2;
+
+constexpr int kPopulation = 16;
+/// In which a motion is led before it is compared with others.
+constexpr int kRound = 15;
+/// Packets of robots that a generation meets where several motions are led, and where one is.
+constexpr std::size_t kPacketsAtFirst = 4, kPackets = 8;
+/// Packets that motions are compared by.
+constexpr std::size_t kJudges = 8;
+/// Divergences with which a robot counts half [rad/s]: at first, when few robots arrive, and from
+/// this part of the generations on.
+constexpr double kWide_rad_s = 1.5, kNarrow_rad_s = 0.5, kNarrowFrom = 0.6;
+
+/// Of so many robots a motion has to carry one for them to say whether the divergence tells.
+constexpr std::size_t kFewRobots = 10;
+
+/// Some packets of an ensemble, from one on, as if it began anew after its end.
+Ensemble Part(const Ensemble& robots, std::size_t first, std::size_t count) {
+  Ensemble part;
+  part.held = robots.held;
+  part.steps = robots.steps;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t packet = (first + i) % robots.robots.size();
+    part.robots.push_back(robots.robots[packet]);
+    part.states.push_back(robots.states[packet]);
+  }
+  return part;
+}
+
+/// @param half_rad_s  the divergence with which a robot counts half.
+double Counts(double divergence, double half_rad_s) {
+  return divergence * divergence / (divergence * divergence + half_rad_s * half_rad_s);
+}
+double LossOf(const RobustRanking::Arrival& arrival, double half_rad_s) {
+  if (arrival.divergences.empty()) return arrival.penalty;
+  double sum = 0;
+  for (const double divergence : arrival.divergences) sum += Counts(divergence, half_rad_s);
+  return arrival.penalty + sum / static_cast<double>(arrival.divergences.size());
+}
+
+/// A motion on its way.
+struct Led {
+  int number;  ///< Among the starts.
+  CmaEs search;
+  int generation = 0;
+  double loss = 0;
+};
+
+}  // namespace
+
+Telling DivergenceTells(const RobustRanking& ranking, const std::vector<double>& x,
+                        const Ensemble& robots) {
+  const std::vector<double> losses = ranking.LossesOfRobots(x, robots);
+  const std::vector<double> divergences = ranking.Arrivals({x}, robots).front().divergences;
+  double sum = 0;
+  std::size_t carried = 0;
+  for (std::size_t robot = 0; robot < losses.size(); ++robot) {
+    if (losses[robot] >= RobotLoss::kCarried) continue;
+    ++carried;
+    sum += Counts(divergences[2 * robot], kNarrow_rad_s) / 2 +
+           Counts(divergences[2 * robot + 1], kNarrow_rad_s) / 2;
+  }
+  if (kFewRobots * carried < losses.size() || carried == 0) return Telling::kUnknown;
+  return sum < static_cast<double>(carried) / 2 ? Telling::kYes : Telling::kNo;
+}
+
+Eigen::MatrixXd ArrivalCovariance(const RobustRanking& ranking, const std::vector<double>& x,
+                                  const Ensemble& robots, double reach) {
+  const auto n = static_cast<Eigen::Index>(x.size());
+  std::vector<std::vector<double>> motions(x.size() + 1, x);
+  for (std::size_t i = 0; i < x.size(); ++i) motions[i + 1][i] += kStep_rad;
+  std::vector<RobustRanking::Arrival> arrivals = ranking.Arrivals(motions, robots);
+  const std::vector<double>& here = arrivals.front().divergences;
+  Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(here.size()), n);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    double step = kStep_rad;
+    if (arrivals[i + 1].divergences.empty()) {  // there is a limit
+      step = -step;
+      motions[i + 1][i] += 2 * step;
+      arrivals[i + 1] = ranking.Arrivals({motions[i + 1]}, robots).front();
+    }
+    const std::vector<double>& there = arrivals[i + 1].divergences;
+    for (std::size_t r = 0; r < std::min(here.size(), there.size()); ++r) {
+      if (std::abs(here[r]) > kNear_rad_s) continue;
+      slopes(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(i)) =
+          (there[r] - here[r]) / step;
+    }
+  }
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n) / (reach * reach);
+  if (!here.empty()) {
+    information += slopes.transpose() * slopes /
+                   (static_cast<double>(here.size()) * kBorne_rad_s * kBorne_rad_s);
+  }
+  const DenseEigen eigen = DecomposeSymmetric(information);
+  return eigen.vectors * eigen.values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
+}
+
+std::vector<CapturedMotion> Capture(
+    const RobustRanking& ranking, const std::vector<std::vector<double>>& from,
+    const Ensemble& robots, const CaptureSettings& settings, std::uint64_t seed,
+    const std::function<void(int start, int motions, double loss)>& tell,
+    const std::function<bool()>& ended) {
+  const Ensemble judges = Part(robots, 0, kJudges);
+  std::vector<Led> led;
+  for (std::size_t i = 0; i < std::min(from.size(), settings.starts) && !ended(); ++i) {
+    const Eigen::MatrixXd covariance =
+        ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
+    led.push_back({static_cast<int>(i), CmaEs(from[i], covariance, kPopulation, seed + i)});
+  }
+  const auto losses_of = [&](const std::vector<std::vector<double>>& motions, const Ensemble& some,
+                             double half_rad_s) {
+    std::vector<double> losses;
+    for (const RobustRanking::Arrival& arrival : ranking.Arrivals(motions, some))
+      losses.push_back(LossOf(arrival, half_rad_s));
+    return losses;
+  };
+  const auto go_on = [&](Led& one, int generations, std::size_t packets) {
+    for (int g = 0; g < generations && !ended(); ++g, ++one.generation) {
+      const double part = std::min(1.0, one.generation / (kNarrowFrom * settings.generations));
+      const double half_rad_s =
+          kWide_rad_s * portable::Exp(part * portable::Log(kNarrow_rad_s / kWide_rad_s));
+      const std::vector<double> losses = losses_of(
+          one.search.Ask(), Part(robots, Index(one.generation) * kPackets, packets), half_rad_s);
+      one.search.Tell(losses);
+      tell(one.number, kPopulation, std::ranges::min(losses));
+    }
+  };
+  while (!ended() && !led.empty()) {
+    const bool last = led.size() <= settings.wanted;
+    for (Led& one : led) {
+      go_on(one, last ? settings.generations - one.generation : kRound,
+            last ? kPackets : kPacketsAtFirst);
+      one.loss = losses_of({one.search.mean()}, judges, kNarrow_rad_s).front();
+    }
+    std::ranges::stable_sort(led, {}, &Led::loss);
+    if (last) break;
+    led.erase(
+        led.begin() + static_cast<std::ptrdiff_t>(std::max(settings.wanted, (led.size() + 1) / 2)),
+        led.end());
+  }
+  std::vector<CapturedMotion> captured;
+  for (const Led& one : led) captured.push_back({one.search.mean(), one.loss});
+  if (captured.size() > settings.wanted) captured.resize(settings.wanted);
+  return captured;
+}
+
+}  // namespace tumbler
