@@ -31,6 +31,15 @@ void Progress::operator()(const Evaluation& e) {
   const bool first_feasible = !e.global && !problem_.robust && !feasible_ && e.violation == 0;
   feasible_ = feasible_ || first_feasible;
   if (!first_feasible && !line_.Due()) return;
+  if (e.stage == SearchStage::kModel) {
+    line_.Show(fmt::format("search  motion {} for the model  cost {:.4g}", e.start + 1, e.cost));
+    return;
+  }
+  if (e.stage == SearchStage::kArrivals) {
+    line_.Show(fmt::format("lead    start {}  motion {:6d}  {:.0f} % away from rest", e.start + 1,
+                           e.count, 1e2 * e.cost));
+    return;
+  }
   if (problem_.robust) {
     line_.Show(e.global
                    ? fmt::format("search  {} random motions  best is {:.3g} off", e.count, e.cost)

@@ -47,7 +47,7 @@ bool LacksFeedback(const Problem& problem, const Solution& solution) {
 
 /// The reason why nothing was found, and the remedy.
 std::string Cause(const Problem& problem, const Solution& best) {
-  if (best.evaluations == 0) return "no random motion had been improved yet";
+  if (best.evaluations == 0) return "no motion had been found yet";
   if (!best.rollout.finite)
     return "the best motion leaves every plausible range; use a smaller solver.step_s";
   if (MissesEveryObstacle(problem, best)) {
@@ -68,7 +68,7 @@ std::string Cause(const Problem& problem, const Solution& best) {
         "limits, or {}",
         best.worst_constraint, 100 * best.constraint_violation, ToString(best.end),
         problem.space    ? "another --seed"
-        : problem.robust ? "more robust.samples or robust.generations"
+        : problem.robust ? "more robust.starts or robust.generations"
                          : "more search.max_samples or solver.max_evaluations");
   }
   if (best.core_reached) {

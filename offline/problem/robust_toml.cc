@@ -114,8 +114,8 @@ constexpr std::array kRobustKeys = {
         "samples", {8, 10'000'000}, "random motions, where robots' arrival tells nothing"),
     KeyOf<&RobustSettings::starts, RobustEntry>(
         "starts", {1, 1000}, "motions found for the model, or the best of these"),
-    KeyOf<&RobustSettings::improved, RobustEntry>("improved", {1, 1000},
-                                                  "of these are left for the last improvement"),
+    KeyOf<&RobustSettings::improved, RobustEntry>(
+        "improved", {1, 1000}, "of these are left, the best for the last improvement"),
     KeyOf<&RobustSettings::polish_robots, RobustEntry>("polish_robots", {8, 100'000},
                                                        "with which the best is improved at last"),
     KeyOf<&RobustSettings::polish_scale, RobustEntry>("polish_scale", {0, 10}, "of their spreads"),

@@ -34,10 +34,10 @@ namespace {
 
 constexpr const char* kIdentifyExitCodes =
     R"(Exit codes:
-  0    done; gate: every robot stands
+  0    done; gate: it is open
   1    wrong usage, or a file that cannot be used or written: nothing was written
   2    excite: no motion is safe
-  4    fit: the records are not explained, the model is an effective one; gate: a robot does not stand
+  4    fit: the records are not explained, the model is an effective one; gate: it is closed
   130  interrupted)";
 
 namespace fs = std::filesystem;
@@ -499,7 +499,9 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   const Scene scene = SimulatedMotion(LoadMotion(arguments.motion)).scene();
   const PosteriorFile file = LoadPosterior(arguments.posterior, &scene);
   CheckResult(arguments.json);
-  CheckDistinct({arguments.motion, arguments.posterior, arguments.drives}, {arguments.json});
+  std::vector<std::string> read = {arguments.motion, arguments.posterior, arguments.drives};
+  read.insert(read.end(), arguments.failed.begin(), arguments.failed.end());
+  CheckDistinct(read, {arguments.json});
   GateSettings settings;
   if (arguments.draws != kNoDraws) settings.draws = arguments.draws;
   settings.failed = arguments.failed;

@@ -32,19 +32,6 @@ constexpr double kWide_rad_s = 1.5, kNarrow_rad_s = 0.5, kNarrowFrom = 0.6;
 /// Of so many robots a motion has to carry one for them to say whether the divergence tells.
 constexpr std::size_t kFewRobots = 10;
 
-/// Some packets of an ensemble, from one on, as if it began anew after its end.
-Ensemble Part(const Ensemble& robots, std::size_t first, std::size_t count) {
-  Ensemble part;
-  part.held = robots.held;
-  part.steps = robots.steps;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t packet = (first + i) % robots.robots.size();
-    part.robots.push_back(robots.robots[packet]);
-    part.states.push_back(robots.states[packet]);
-  }
-  return part;
-}
-
 /// @param half_rad_s  the divergence with which a robot counts half.
 double Counts(double divergence, double half_rad_s) {
   return divergence * divergence / (divergence * divergence + half_rad_s * half_rad_s);
@@ -82,13 +69,17 @@ Telling DivergenceTells(const RobustRanking& ranking, const std::vector<double>&
   return sum < static_cast<double>(carried) / 2 ? Telling::kYes : Telling::kNo;
 }
 
-Eigen::MatrixXd ArrivalCovariance(const RobustRanking& ranking, const std::vector<double>& x,
-                                  const Ensemble& robots, double reach) {
+std::optional<Eigen::MatrixXd> ArrivalCovariance(const RobustRanking& ranking,
+                                                 const std::vector<double>& x,
+                                                 const Ensemble& robots, double reach) {
   const auto n = static_cast<Eigen::Index>(x.size());
   std::vector<std::vector<double>> motions(x.size() + 1, x);
   for (std::size_t i = 0; i < x.size(); ++i) motions[i + 1][i] += kStep_rad;
   std::vector<RobustRanking::Arrival> arrivals = ranking.Arrivals(motions, robots);
   const std::vector<double>& here = arrivals.front().divergences;
+  const auto near = static_cast<std::size_t>(std::ranges::count_if(
+      here, [](double divergence) { return std::abs(divergence) <= kNear_rad_s; }));
+  if (here.empty() || kFewRobots * near < here.size()) return std::nullopt;
   Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(here.size()), n);
   for (std::size_t i = 0; i < x.size(); ++i) {
     double step = kStep_rad;
@@ -105,10 +96,8 @@ Eigen::MatrixXd ArrivalCovariance(const RobustRanking& ranking, const std::vecto
     }
   }
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n) / (reach * reach);
-  if (!here.empty()) {
-    information += slopes.transpose() * slopes /
-                   (static_cast<double>(here.size()) * kBorne_rad_s * kBorne_rad_s);
-  }
+  information += slopes.transpose() * slopes /
+                 (static_cast<double>(here.size()) * kBorne_rad_s * kBorne_rad_s);
   const DenseEigen eigen = DecomposeSymmetric(information);
   return eigen.vectors * eigen.values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
 }
@@ -118,12 +107,13 @@ std::vector<CapturedMotion> Capture(
     const Ensemble& robots, const CaptureSettings& settings, std::uint64_t seed,
     const std::function<void(int start, int motions, double loss)>& tell,
     const std::function<bool()>& ended) {
-  const Ensemble judges = Part(robots, 0, kJudges);
+  const Ensemble judges = PartOf(robots, 0, kJudges);
   std::vector<Led> led;
   for (std::size_t i = 0; i < std::min(from.size(), settings.starts) && !ended(); ++i) {
-    const Eigen::MatrixXd covariance =
-        ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
-    led.push_back({static_cast<int>(i), CmaEs(from[i], covariance, kPopulation, seed + i)});
+    const auto covariance = ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
+    led.push_back({static_cast<int>(i),
+                   covariance ? CmaEs(from[i], *covariance, kPopulation, seed + i)
+                              : CmaEs(from[i], settings.reach_rad, kPopulation, seed + i)});
   }
   const auto losses_of = [&](const std::vector<std::vector<double>>& motions, const Ensemble& some,
                              double half_rad_s) {
@@ -138,7 +128,7 @@ std::vector<CapturedMotion> Capture(
       const double half_rad_s =
           kWide_rad_s * portable::Exp(part * portable::Log(kNarrow_rad_s / kWide_rad_s));
       const std::vector<double> losses = losses_of(
-          one.search.Ask(), Part(robots, Index(one.generation) * kPackets, packets), half_rad_s);
+          one.search.Ask(), PartOf(robots, Index(one.generation) * kPackets, packets), half_rad_s);
       one.search.Tell(losses);
       tell(one.number, kPopulation, std::ranges::min(losses));
     }
@@ -146,7 +136,9 @@ std::vector<CapturedMotion> Capture(
   while (!ended() && !led.empty()) {
     const bool last = led.size() <= settings.wanted;
     for (Led& one : led) {
-      go_on(one, last ? settings.generations - one.generation : kRound,
+      go_on(one,
+            last ? settings.generations - one.generation
+                 : std::min(kRound, settings.generations - one.generation),
             last ? kPackets : kPacketsAtFirst);
       one.loss = losses_of({one.search.mean()}, judges, kNarrow_rad_s).front();
     }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "offline/solve/robust_ranking.h"
@@ -25,9 +26,13 @@ enum class Telling : std::uint8_t {
 /// handstand is a hundred times as stiff as the others, and a search that has to find that out
 /// takes steps for it that lead nowhere.
 /// @param reach  [rad]
-[[nodiscard]] Eigen::MatrixXd ArrivalCovariance(const RobustRanking& ranking,
-                                                const std::vector<double>& x,
-                                                const Ensemble& robots, double reach);
+/// @returns none where fewer than a tenth of the robots arrive near the target, or the motion
+/// cannot
+///          be played.
+[[nodiscard]] std::optional<Eigen::MatrixXd> ArrivalCovariance(const RobustRanking& ranking,
+                                                               const std::vector<double>& x,
+                                                               const Ensemble& robots,
+                                                               double reach);
 
 /// How motions are led to where robots arrive at rest.
 struct CaptureSettings {

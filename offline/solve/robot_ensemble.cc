@@ -69,6 +69,19 @@ Ensemble EnsembleOf(const RobustTask& task, const RobotDraw& draw,
 
 }  // namespace
 
+Ensemble PartOf(const Ensemble& robots, std::size_t first, std::size_t count) {
+  Ensemble part;
+  part.held = robots.held;
+  part.steps = robots.steps;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t packet = (first + i) % robots.robots.size();
+    part.robots.push_back(robots.robots[packet]);
+    part.states.push_back(robots.states[packet]);
+    if (!robots.noise.empty()) part.noise.push_back(robots.noise[packet]);
+  }
+  return part;
+}
+
 Ensemble DrawEnsemble(const RobustTask& task, const RobotDraw& draw,
                       const std::vector<std::uint64_t>& which) {
   std::vector<RobotVariation> robots;

@@ -18,6 +18,9 @@ struct Ensemble {
   LaneSteps steps;
 };
 
+/// So many packets of an ensemble from one on; after the last comes the first.
+[[nodiscard]] Ensemble PartOf(const Ensemble& robots, std::size_t first, std::size_t count);
+
 /// From what robots are drawn.
 struct RobotDraw {
   double scale = 0;  ///< Of the task's spreads. 0: they do not differ.

@@ -173,12 +173,7 @@ std::vector<double> RobustRanking::LossesOfRobots(const std::vector<double>& x,
 
 std::vector<double> RobustRanking::EvaluateHalf(const std::vector<std::vector<double>>& motions,
                                                 const Ensemble& ensemble, int generation) const {
-  const std::size_t packet = Index(generation) % ensemble.robots.size();
-  Ensemble some;
-  some.held = ensemble.held;
-  some.steps = ensemble.steps;
-  some.robots = {ensemble.robots[packet]};
-  some.states = {ensemble.states[packet]};
+  const Ensemble some = PartOf(ensemble, Index(generation), 1);
   std::vector<double> losses = Evaluate(motions, some, Model::kIsLeftOut);
   std::vector<std::size_t> order(motions.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

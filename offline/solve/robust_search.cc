@@ -365,7 +365,7 @@ class RobustSearch {
       if (outcome.solutions.empty()) continue;
       const Solution& best = outcome.solutions.front();
       found.push_back({motion_.Reduce(best.x, problem.duration_s), best.rollout.cost});
-      Tell(true, i, best.rollout.cost);
+      Show(SearchStage::kModel, i, best.rollout.cost);
       if (telling == Telling::kUnknown) telling = DivergenceTells(ranking_, found.back().x, robots);
       if (telling == Telling::kNo) return {};
     }
@@ -389,9 +389,10 @@ class RobustSearch {
         SeedOf(0),
         [this](int start, int motions, double loss) {
           evaluations_ += motions;
-          Tell(false, start, loss);
+          Show(SearchStage::kArrivals, start, loss);
         },
         [this] { return interrupted(); });
+    if (led.empty()) return found;  // interrupted
     std::vector<Candidate> captured;
     for (const CapturedMotion& motion : led) captured.push_back({motion.x, motion.loss});
     EvaluateAgain(captured, MakeEnsemble(Capturing::kJudges, task_.settings.polish_scale,
@@ -407,10 +408,17 @@ class RobustSearch {
   [[nodiscard]] CmaEs PolishingSearch(const std::vector<double>& x,
                                       const Ensemble& ensemble) const {
     if (!task_.beside_model() && DivergenceTells(ranking_, x, ensemble) != Telling::kNo) {
-      return {x, ArrivalCovariance(ranking_, x, ensemble, Polishing::kReach_rad),
-              Improving::kPopulation, SeedOf(0)};
+      const auto covariance = ArrivalCovariance(ranking_, x, ensemble, Polishing::kReach_rad);
+      if (covariance) return {x, *covariance, Improving::kPopulation, SeedOf(0)};
     }
     return {x, Polishing::kSigma, Improving::kPopulation, SeedOf(0)};
+  }
+
+  /// Says how far it is, where losses are no robots'.
+  void Show(SearchStage stage, int start, double cost) const {
+    Evaluation evaluation{stage == SearchStage::kModel, start, evaluations_, cost, 0};
+    evaluation.stage = stage;
+    if (task_.options.progress) task_.options.progress(evaluation);
   }
 
   /// Random motions, each in a lane of its own on the model; the best of them on 16 robots.

@@ -11,7 +11,8 @@ namespace tumbler {
 /// a guess, in lanes (`LaneKernel`):
 ///
 /// 1. Motions are found for the model, without a guess (Solve).
-/// 2. They are led to where robots arrive so that they come to rest (Capture).
+/// 2. They are led to where robots arrive so that they come to rest (Capture). Where how robots
+///    arrive does not tell what comes of them, random motions are improved in place of these.
 /// 3. CMA-ES improves the best with `polish_robots`.
 ///
 /// A robot follows the motion through its drives, with the plan's torques as feed-forward. What is

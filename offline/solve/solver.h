@@ -18,6 +18,13 @@
 
 namespace tumbler {
 
+/// What robust searches tell of motions before robots judge them.
+enum class SearchStage : std::uint8_t {
+  kUsual,    ///< `Evaluation::cost` is what it says.
+  kModel,    ///< It is the cost of a motion that was found for the model.
+  kArrivals  ///< It is the least of a generation's CapturedMotion::loss. In no history.
+};
+
 /// One evaluation of a motion, for progress messages and reports.
 struct Evaluation {
   bool global = false;     ///< Whether it belongs to the global search, or to a local solve.
@@ -30,6 +37,7 @@ struct Evaluation {
   /// Whether robots that differ judged it: then `cost` is what they miss on average, of the best
   /// motion of a generation, and `count` how many were played.
   bool by_robots = false;
+  SearchStage stage = SearchStage::kUsual;
 };
 
 /// Why a local solve ended.

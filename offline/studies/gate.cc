@@ -102,7 +102,7 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
   for (const std::string& failed : settings.failed) {
     const GateOutcome again = PlayRobots(failed, drives, posterior, settings);
     const auto stand = std::ranges::count_if(
-        again.robots, [](const TrialOutcome& robot) { return robot.stands(); });
+        again.robots, [](const TrialOutcome& robot) { return !robot.fails(); });
     outcome.failed.push_back({failed, static_cast<int>(stand)});
   }
   return outcome;

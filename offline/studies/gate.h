@@ -35,7 +35,8 @@ struct GateSettings {
 /// What robots of a posterior do in a motion that the robot has failed in.
 struct FailedMotion {
   std::string motion;
-  int stand = 0;  ///< Of all robots, the mean and the draws.
+  /// Of all robots, the mean and the draws; with those that could not be judged.
+  int stand = 0;
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.

@@ -236,6 +236,7 @@ class Fitter {
       Found found;
       Descend(std::max(noise, kRough), kLonger * settings_.iterations, u, found);
       Descend(noise, kLonger * settings_.iterations, u, found);
+      if (found.u.size() == 0) continue;  // interrupted before the first step
       const double value = objective_.ValueOf(found.residuals, found.u, noise);
       if (value >= least) continue;
       least = value;
@@ -273,6 +274,7 @@ class Fitter {
     }
     Found found;
     Descend(noise, settings_.iterations, best, found);
+    if (found.u.size() == 0) return from;  // interrupted before the first step
     const double value = objective_.ValueOf(found.residuals, found.u, noise);
     return value < objective_.ValueOf(from.residuals, from.u, noise) ? found : from;
   }
@@ -658,8 +660,12 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     const Effective effective =
         FitEffective(*of_effective, records.front().tick_s, effective_fitter, best);
     // That may be nearer to a robot that explains the records than any other start was.
+    outcome.interrupted = effective_fitter.Interrupted();
+    if (outcome.interrupted) return outcome;
     const Found found = fitter.From(effective.found.u);
     ++outcome.starts;
+    outcome.interrupted = fitter.Interrupted();
+    if (outcome.interrupted) return outcome;
     const bool explains = chi_of(found) <= settings.chi_max;
     best = explains ? found : effective.found;
     if (!explains) {
