@@ -256,9 +256,12 @@ TelemetryConfig TelemetryOf(const RunOptions& options, const RunParts& parts,
   config.truth_file = options.truth;
   config.candump_file = options.candump;
   if (!options.mcap.empty()) {
-    config.another = [&, pictures](const RunExportConfig& exports) {
+    // What cannot be drawn is refused before any file is touched.
+    const auto drawn =
+        std::make_shared<McapPictures>(PicturesOf(about, pictures, parts, options.mcap));
+    config.another = [&, drawn](const RunExportConfig& exports) {
       return std::make_unique<McapExport>(options.mcap, exports, about, options.simulated(),
-                                          pictures, parts.file);
+                                          std::move(*drawn));
     };
   }
   config.run = description;

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <lcm/lcm-cpp.hpp>
 #include <string>
+#include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 
 #include "runtime/assembly/candump.h"
@@ -148,6 +149,30 @@ TEST_F(RecordExport, SummaryNamesWhatThereIs) {
                            "holds motions/motion.toml", "fnv1a64:", "complete: completed"}) {
     EXPECT_THAT(summary, HasSubstr(part));
   }
+}
+
+TEST_F(RecordExport, TheLastMessageOfARunTellsOfTicksThatWereLostAtItsEnd) {
+  FlightRecorderConfig config;
+  config.file = folder_ / "cut.rec";
+  config.configuration = EncodeConfiguration(configuration_);
+  config.ring_bytes = std::size_t{1} << 14U;
+  FlightRecorder recorder(config);
+  TickFeed feed({&recorder});
+  testing::RecordRun(configuration_, feed, [&recorder](std::int64_t tick) {
+    if (tick < 30) recorder.Drain();
+  });
+  recorder.Stop("completed");
+  ASSERT_GT(recorder.lost(), 0);
+  const std::string bytes = ReadFile(config.file);
+  FlightRecord record(AsBytes(bytes), "cut.rec");
+  ExportTelemetry(record, "", folder_ / "out.lcm");
+  lcm::LogFile log(folder_ / "out.lcm", "r");
+  run_t run;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != "TUMBLER_RUN") continue;
+    ASSERT_GT(run.decode(event->data, 0, event->datalen), 0);
+  }
+  EXPECT_EQ(run.lost_records, recorder.lost());
 }
 
 TEST_F(RecordExport, NamesAFileThatCannotBeWritten) {
