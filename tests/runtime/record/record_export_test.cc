@@ -7,11 +7,14 @@
 #include <cmath>
 #include <cstdlib>
 #include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <stdexcept>
 #include <string>
 #include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 
 #include "runtime/assembly/candump.h"
+#include "runtime/record/telemetry.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
 
@@ -173,6 +176,46 @@ TEST_F(RecordExport, TheLastMessageOfARunTellsOfTicksThatWereLostAtItsEnd) {
     ASSERT_GT(run.decode(event->data, 0, event->datalen), 0);
   }
   EXPECT_EQ(run.lost_records, recorder.lost());
+}
+
+/// Throws at its third tick.
+class BrokenExport final : public RunExport {
+ public:
+  using RunExport::RunExport;
+  void Take(const TickEntry& /*entry*/, const TimedRecord& /*timed*/) override {
+    if (++ticks_ >= 3) throw std::runtime_error("no plan of node 2");
+  }
+
+ private:
+  int ticks_ = 0;
+};
+
+TEST_F(RecordExport, OfARunThatThrowsEndsAloneAndTheRunIsToldWhyInTheEnd) {
+  for (const bool threads : {false, true}) {
+    TelemetryConfig config;
+    config.run = DescribeRun(configuration_);
+    config.trace_file = folder_ / "out.csv";
+    config.another = [](const RunExportConfig& /*exports*/) {
+      return std::make_unique<BrokenExport>("out.mcap");
+    };
+    Telemetry telemetry(config);
+    if (threads) telemetry.Start();
+    TickFeed feed({&telemetry});
+    std::int64_t ticks = 0;
+    testing::RecordRun(configuration_, feed, [&](std::int64_t /*tick*/) {
+      if (!threads) telemetry.Drain();
+      ++ticks;
+    });
+    try {
+      telemetry.Stop();
+      FAIL();
+    } catch (const std::runtime_error& error) {
+      EXPECT_STREQ(error.what(),
+                   "out.mcap: could not be written whole; out.mcap: no plan of node 2");
+    }
+    const std::string csv = ReadFile(folder_ / "out.csv");
+    EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), ticks + 1) << "the others are whole";
+  }
 }
 
 TEST_F(RecordExport, NamesAFileThatCannotBeWritten) {
