@@ -596,6 +596,10 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   }
 
   NoteHoldWithoutEnd(options, procedure_config, voice);
+  if (!options.mcap.empty() && pictures == nullptr) {
+    voice.Say(fmt::format("note: {} is without the robot, as this build cannot read robot files",
+                          options.mcap));
+  }
 
   world->Open();
   CatchInterrupts();
