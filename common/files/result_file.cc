@@ -69,6 +69,17 @@ int OpenNameless(const std::filesystem::path& folder) {
 /// The name by which this program opens what it has open.
 std::string NameOfOpen(int descriptor) { return fmt::format("/proc/self/fd/{}", descriptor); }
 
+/// Waits until what was written to a file has reached its file system, as a network's or one with
+/// quotas refuses it only then, or when the file is closed by whoever wrote it.
+/// @returns an error number; 0: it has.
+int AwaitWritten(int descriptor) {
+  while (fsync(descriptor) != 0) {
+    if (errno == EINVAL) return 0;  // of a file system that knows no such thing
+    if (errno != EINTR) return errno;
+  }
+  return 0;
+}
+
 /// Makes a file to find out whether the folder can be written: permissions tell nothing about a
 /// file system that is mounted read-only, or to the super-user. A program that is ended meanwhile
 /// leaves nothing behind where files may have no name.
@@ -186,6 +197,10 @@ PendingName::~PendingName() {
 
 void PendingName::Commit() {
   if (!place_) return;
+  const int written = nameless_ >= 0 ? nameless_ : open(to_open_.c_str(), O_WRONLY | O_CLOEXEC);
+  int why = written < 0 ? errno : AwaitWritten(written);
+  if (written >= 0 && written != nameless_ && close(written) != 0 && why == 0) why = errno;
+  if (why != 0) FailWrite(place_->path().string(), SystemMessage(why));
   if (nameless_ >= 0) {
     const char* const temporary = place_->temporary().c_str();
     unlink(temporary);  // one of a program that was ended here, by the same number

@@ -90,7 +90,8 @@ class PendingName {
 
   /// The name to open.
   [[nodiscard]] const std::string& to_open() const { return to_open_; }
-  /// Puts the file in place, once it is closed or flushed. @throws FileError  when that fails.
+  /// Puts the file in place, once it is closed or flushed, and all of it has reached the file
+  /// system. @throws FileError  when that fails.
   void Commit();
 
  private:

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -207,8 +208,12 @@ RobotPicture PictureOf(const SequenceFile& motion, const std::vector<std::string
 /// As pages show it.
 class PlanOfRun final : public RunPlanner {
  public:
-  PlanOfRun(const SequenceFile& motion, std::int64_t period_ns)
-      : paths_(motion), plan_(paths_, static_cast<double>(period_ns) / 1e9, motion.graph.start) {}
+  /// Simulates the plan of every node, so that what cannot be simulated is refused before the run.
+  PlanOfRun(const SequenceFile& motion, std::int64_t period_ns, std::optional<int> begin)
+      : paths_(motion), plan_(paths_, static_cast<double>(period_ns) / 1e9, begin) {
+    for (int node = 0; node < motion.graph.node_count; ++node)
+      static_cast<void>(paths_.PlanOf(node));
+  }
 
   std::optional<PlannedInstant> Take(const TickEntry& entry) override {
     time_ns_ = entry.notes.deadline_ns;
@@ -233,9 +238,10 @@ class PlanOfRun final : public RunPlanner {
   std::int64_t time_ns_ = 0;
 };
 
-std::unique_ptr<RunPlanner> PlannerOf(const SequenceFile& motion, std::int64_t period_ns) {
+std::unique_ptr<RunPlanner> PlannerOf(const SequenceFile& motion, std::int64_t period_ns,
+                                      std::optional<int> begin) {
   if (motion.primitives.front().entry.is_in_space()) return nullptr;
-  return std::make_unique<PlanOfRun>(motion, period_ns);
+  return std::make_unique<PlanOfRun>(motion, period_ns, begin);
 }
 
 }  // namespace

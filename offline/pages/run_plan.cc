@@ -21,7 +21,7 @@ constexpr double kPlanSpacing_s = 0.005;
 
 }  // namespace
 
-RunPlan::RunPlan(RobotPaths& paths, double period_s, int start_node)
+RunPlan::RunPlan(RobotPaths& paths, double period_s, std::optional<int> start_node)
     : paths_(paths),
       step_(std::max<std::size_t>(1, static_cast<std::size_t>(kPlanSpacing_s / period_s))),
       node_(start_node) {}
@@ -35,7 +35,7 @@ std::optional<ReportSample> RunPlan::Take(const RunTick& tick) {
   }
   const bool begins = BeginsNode(tick, last_ ? &*last_ : nullptr);
   last_ = tick;
-  given_ = begins || ticks_ % step_ == 0;
+  const bool due = begins || ticks_ % step_ == 0;
   ++ticks_;
   if (begins) {
     if (began_) {
@@ -48,13 +48,14 @@ std::optional<ReportSample> RunPlan::Take(const RunTick& tick) {
     node_ = tick.node;
     began_ = true;
   }
+  given_ = due && node_;
   if (!given_) return std::nullopt;
-  return SampleAt(tick);
+  return SampleAt(*node_, tick);
 }
 
 std::optional<ReportSample> RunPlan::Last() {
-  if (given_ || !last_) return std::nullopt;
-  return SampleAt(*last_);
+  if (given_ || !last_ || !node_) return std::nullopt;
+  return SampleAt(*node_, *last_);
 }
 
 /// It advances with the speed of the run, goes on past the primitive's end while that is held, and
@@ -67,8 +68,8 @@ double RunPlan::PrimitiveTimeAt(const RunTick& tick) const {
   return played_.primitive_time_s + (ended ? tick.time_s - played_.time_s : 0);
 }
 
-ReportSample RunPlan::SampleAt(const RunTick& tick) {
-  sample_ = paths_.PlanAt(node_, began_ ? PrimitiveTimeAt(tick) : 0);
+ReportSample RunPlan::SampleAt(int node, const RunTick& tick) {
+  sample_ = paths_.PlanAt(node, began_ ? PrimitiveTimeAt(tick) : 0);
   sample_.time_s = tick.time_s;
   Place(sample_, dx_m_, turn_rad_);
   return sample_;

@@ -14,8 +14,9 @@ namespace tumbler {
 class RunPlan {
  public:
   /// @param paths       have to outlive this.
-  /// @param start_node  where the robot rests before the first node begins.
-  RunPlan(RobotPaths& paths, double period_s, int start_node);
+  /// @param start_node  at whose entry the robot rests before the first node begins. Nothing: that
+  ///                    is not known, and there is no plan until then.
+  RunPlan(RobotPaths& paths, double period_s, std::optional<int> start_node);
 
   /// The robot as planned at this tick: where a node begins, and every 5 ms.
   [[nodiscard]] std::optional<ReportSample> Take(const RunTick& tick);
@@ -24,11 +25,11 @@ class RunPlan {
 
  private:
   [[nodiscard]] double PrimitiveTimeAt(const RunTick& tick) const;
-  ReportSample SampleAt(const RunTick& tick);
+  ReportSample SampleAt(int node, const RunTick& tick);
 
   RobotPaths& paths_;
   std::size_t step_;  // ticks from one sample to the next
-  int node_;
+  std::optional<int> node_;
   double dx_m_ = 0, turn_rad_ = 0;
   bool began_ = false;           // whether any node has
   std::size_t ticks_ = 0;        // that were taken

@@ -47,7 +47,7 @@ An interface that goes down or away is waited for.
 Exit codes:
   0    the robot did not fall
   1    wrong usage, or a file or interface that cannot be used
-  4    it fell)";
+  4    it fell, or true states are in no output, for their many contacts)";
 
 struct Options {
   std::string interface;
@@ -204,10 +204,11 @@ ExitStatus Run(const Options& options) {
   }
   if (!options.json.empty()) WriteResult(options.json, JsonOf(options, robot));
   telemetry.Stop();
-  if (const std::string problem = feed.TruthProblem(); !problem.empty())
-    throw std::runtime_error(problem);
-  return robot.posture().falls() + robot.posture().overlaps() > 0 ? ExitStatus::kAmiss
-                                                                  : ExitStatus::kDone;
+  const bool fell = robot.posture().falls() + robot.posture().overlaps() > 0;
+  const bool has_output = !(options.truth + options.lcm_url).empty();
+  const std::string missing = has_output ? feed.TruthProblem() : "";
+  if (!missing.empty()) fmt::print(stderr, "tumbler twin: {}\n", missing);
+  return fell || !missing.empty() ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
 ExitStatus Main(int argc, char** argv) {

@@ -135,9 +135,11 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   play.Run(procedure, period_ns, [&stop](const ControlLoop& /*loop*/) {
     if (stop) throw std::runtime_error("the run was stopped");
   });
+  // What is missing is told once the record says how the run ended.
+  RunSummary summary = SummaryOf(plan, assembly, play, *recorder, *world);
   if (const std::string problem = feed.TruthProblem(); !problem.empty())
     throw std::runtime_error(fmt::format("{}: {}", plan.record, problem));
-  return SummaryOf(plan, assembly, play, *recorder, *world);
+  return summary;
 }
 
 }  // namespace tumbler

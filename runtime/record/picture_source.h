@@ -32,9 +32,13 @@ struct PictureSource {
   /// The robot of a motion. Its joints are numbered as in `joints`. Throws FileError.
   std::function<RobotPicture(const SequenceFile& motion, const std::vector<std::string>& joints)>
       robot_of;
-  /// The plan of a run of a motion; null for a robot in space, of which no page shows one. Throws
-  /// FileError.
-  std::function<std::unique_ptr<RunPlanner>(const SequenceFile& motion, std::int64_t period_ns)>
+  /// The plan of a run of a motion; null for a robot in space, of which no page shows one. All that
+  /// can fail does so here: a RunPlanner throws nothing.
+  /// @param begin  the node with which the run begins. Nothing: that is not known beforehand, and
+  ///               there is no plan until it begins.
+  /// @throws FileError or std::invalid_argument  when a node's plan cannot be simulated.
+  std::function<std::unique_ptr<RunPlanner>(const SequenceFile& motion, std::int64_t period_ns,
+                                            std::optional<int> begin)>
       plan_of;
 };
 

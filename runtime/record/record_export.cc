@@ -117,7 +117,8 @@ TimedRecords TimedRecordsOf(const RecordConfiguration& configuration) {
   }
 }
 
-std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& exports) {
+std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& exports,
+                          LiveFigures* figures) {
   TimedRecords records = TimedRecordsOf(record.configuration());
   const auto take_truths = [&] {
     for (const auto& truth : record.truths()) {
@@ -133,6 +134,11 @@ std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& e
     for (RunExport* out : exports) out->Take(*entry, timed);
   }
   take_truths();
+  if (figures != nullptr) {
+    std::int64_t lost = 0;
+    for (const LostTicks& gap : record.lost()) lost += gap.count;
+    figures->lost = lost;
+  }
   std::vector<std::string> failed;
   for (RunExport* out : exports) {
     out->Finish();
@@ -171,7 +177,7 @@ std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
   std::vector<RunExport*> exports;
   if (!lcm_path.empty()) exports.push_back(&log.emplace(lcm_path, config));
   if (!csv_path.empty()) exports.push_back(&csv.emplace(csv_path, config));
-  return ExportRecord(record, exports);
+  return ExportRecord(record, exports, config.figures.get());
 }
 
 std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {

@@ -25,9 +25,12 @@ RunExportConfig ExportConfigOf(const RecordConfiguration& configuration);
 
 /// Makes exports of a record: hands them its ticks and true states, and puts their files in place
 /// once all of them are whole.
+/// @param figures  those of the exports, which get the ticks that the record has lost, at its end,
+///                 too, where no later tick tells of them. Null: the exports say nothing of them.
 /// @returns the number of ticks.
 /// @throws std::runtime_error  naming the files that cannot be written, and what an export throws.
-std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& exports);
+std::int64_t ExportRecord(FlightRecord& record, const std::vector<RunExport*>& exports,
+                          LiveFigures* figures = nullptr);
 
 /// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
 /// which they were handed to the bus, received frames that of their arrival. Times count from 1970,

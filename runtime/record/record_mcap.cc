@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <stdexcept>
+#include <utility>
 
 #include "runtime/record/message_readers.h"
 #include "runtime/record/record_export.h"
@@ -31,21 +33,42 @@ bool HasTruth(FlightRecord& record) {
   return !record.truths().empty();
 }
 
+/// The node with which the run begins, where that is known beforehand: of several beginnings the
+/// sensor chooses, unless the operator has.
+std::optional<int> BeginOf(const RecordConfiguration& about, const RunParts& parts) {
+  if (about.executor.begin >= 0) return about.executor.begin;
+  if (parts.drives.sensor && parts.file.graph.beginning_count > 1) return std::nullopt;
+  return parts.file.graph.start;
+}
+
 }  // namespace
 
+McapPictures PicturesOf(const RecordConfiguration& about, const PictureSource* pictures,
+                        const RunParts& parts, const std::string& path) {
+  if (pictures == nullptr) return {};
+  McapPictures made;
+  made.robot = pictures->robot_of(parts.file, about.joints);
+  try {
+    made.planner = pictures->plan_of(parts.file, about.period_ns, BeginOf(about, parts));
+  } catch (const std::exception& error) {
+    throw std::runtime_error(fmt::format(
+        "{}: cannot be written, since the plan cannot be drawn: {}", path, error.what()));
+  }
+  return made;
+}
+
 McapExport::McapExport(const std::string& path, const RunExportConfig& config,
-                       const RecordConfiguration& about, bool has_truth,
-                       const PictureSource* pictures, const SequenceFile& motion)
+                       const RecordConfiguration& about, bool has_truth, McapPictures pictures)
     : FileExport(path, config.whole_files),
       MessageStream(config),
-      zero_ns_(config.utime_at_zero_us * 1000) {
+      zero_ns_(config.utime_at_zero_us * 1000),
+      planner_(std::move(pictures.planner)) {
   RunMcapConfig mcap;
   mcap.joints = about.joints;
   mcap.about = TextsAbout(about);
   mcap.imagined_drives = about.dry_run;
-  if (pictures != nullptr) {
-    mcap.robot = pictures->robot_of(motion, about.joints);
-    planner_ = pictures->plan_of(motion, about.period_ns);
+  if (pictures.robot) {
+    mcap.robot = std::move(pictures.robot);
     mcap.root = has_truth             ? RunMcapConfig::Root::kTrue
                 : planner_ == nullptr ? RunMcapConfig::Root::kUnknown
                                       : RunMcapConfig::Root::kPlanned;
@@ -93,9 +116,10 @@ std::int64_t ExportMcap(FlightRecord& record, const std::string& path,
                         const PictureSource* pictures) {
   const RecordConfiguration& about = record.configuration();
   const Assembly assembly = Assemble(about);
-  McapExport mcap(path, ExportConfigOf(about), about, HasTruth(record), pictures,
-                  assembly.parts().file);
-  return ExportRecord(record, {&mcap});
+  const RunExportConfig config = ExportConfigOf(about);
+  McapExport mcap(path, config, about, HasTruth(record),
+                  PicturesOf(about, pictures, assembly.parts(), path));
+  return ExportRecord(record, {&mcap}, config.figures.get());
 }
 
 }  // namespace tumbler

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "runtime/assembly/run_parts.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/picture_source.h"
 #include "runtime/record/run_exports.h"
@@ -12,17 +13,29 @@
 
 namespace tumbler {
 
+/// The robot of a run and its plan, as an McapExport draws them.
+struct McapPictures {
+  std::optional<RobotPicture> robot;    ///< None: the file has no frames and no scene.
+  std::unique_ptr<RunPlanner> planner;  ///< Null: there is no plan.
+};
+
+/// The pictures of a run.
+/// @param about     the run, as its flight record has it.
+/// @param pictures  null: none are made.
+/// @param parts     motion and drives of the run.
+/// @param path      of the MCAP file, for messages.
+/// @throws FileError  when the robot cannot be drawn; std::runtime_error  when its plan cannot.
+McapPictures PicturesOf(const RecordConfiguration& about, const PictureSource* pictures,
+                        const RunParts& parts, const std::string& path);
+
 /// A run as MCAP (RunMcap), with what is in its flight record.
 class McapExport final : public FileExport, private MessageStream {
  public:
   /// @param about      the run, as its flight record has it.
   /// @param has_truth  whether true states come.
-  /// @param pictures   of its robot; null: the file has no frames and no scene.
-  /// @param motion     of the run, for the pictures.
-  /// @throws std::runtime_error or FileError  naming the file that cannot be used or written.
+  /// @throws std::runtime_error or FileError  naming the file that cannot be written.
   McapExport(const std::string& path, const RunExportConfig& config,
-             const RecordConfiguration& about, bool has_truth, const PictureSource* pictures,
-             const SequenceFile& motion);
+             const RecordConfiguration& about, bool has_truth, McapPictures pictures);
 
   void Take(const TickEntry& entry, const TimedRecord& timed) override;
   /// @throws RecordError  when it is of another version.

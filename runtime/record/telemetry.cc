@@ -61,7 +61,8 @@ class LiveExport final : public RunExport, private LcmStream {
   std::chrono::steady_clock::time_point next_check_;
 };
 
-/// Hands an export what a feed has encoded.
+/// Hands an export what a feed has encoded. An export that throws gets nothing more: in a thread of
+/// its own, nobody else would catch it, and the process that controls the robot would end.
 class ExportWriter final : public TickWriter {
  public:
   /// @param figures  get ticks that cannot be read.
@@ -70,6 +71,24 @@ class ExportWriter final : public TickWriter {
       : out_(std::move(out)), records_(replies), figures_(std::move(figures)) {}
 
   void Take(std::span<const std::uint8_t> message) override {
+    Try([&] { Hand(message); });
+  }
+  void Idle() override {
+    Try([this] { out_->Idle(); });
+  }
+  void Finish() override {
+    Try([this] { out_->Finish(); });
+  }
+  [[nodiscard]] std::int64_t progress() const noexcept override {
+    return written_ + out_->progress();
+  }
+  [[nodiscard]] RunExport& out() const { return *out_; }
+  [[nodiscard]] std::int64_t written() const noexcept { return written_; }
+  /// What the export has thrown; empty: nothing. To be asked once the writer has ended.
+  [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
+
+ private:
+  void Hand(std::span<const std::uint8_t> message) {
     if (KindOf(message) == BlockKind::kTruth) return out_->TakeTruth(ContentOf(message));
     if (!DecodeTick(ContentOf(message), entry_)) {
       figures_->lost.fetch_add(1, std::memory_order_relaxed);
@@ -78,19 +97,22 @@ class ExportWriter final : public TickWriter {
     out_->Take(entry_, records_.Next(entry_));
     written_.fetch_add(1, std::memory_order_relaxed);
   }
-  void Idle() override { out_->Idle(); }
-  void Finish() override { out_->Finish(); }
-  [[nodiscard]] std::int64_t progress() const noexcept override {
-    return written_ + out_->progress();
+  template <typename Step>
+  void Try(const Step& step) {
+    if (!problem_.empty()) return;
+    try {
+      step();
+    } catch (const std::exception& error) {
+      problem_ = error.what();
+      if (problem_.empty()) problem_ = "an error without a name";
+    }
   }
-  [[nodiscard]] RunExport& out() const { return *out_; }
-  [[nodiscard]] std::int64_t written() const noexcept { return written_; }
 
- private:
   std::unique_ptr<RunExport> out_;
   TimedRecords records_;
   std::shared_ptr<LiveFigures> figures_;
   TickEntry entry_;
+  std::string problem_;
   std::atomic<std::int64_t> written_{0};
 };
 
@@ -172,17 +194,22 @@ void Telemetry::Start() {
 
 void Telemetry::Stop(const Patience& patience) {
   std::vector<std::string> failed, stalled;
+  std::string problems;
   for (const Implementation::Output& output : implementation_->outputs) {
     const bool ended = output.outlet->Stop(patience);
     const RunExport& out = output.writer->out();
-    if (out.file().empty()) continue;
-    if (!ended) stalled.push_back(out.file());
-    if (!ended || out.failed()) failed.push_back(out.file());
+    const std::string name = out.file().empty() ? "live LCM" : out.file();
+    const bool broke = ended && !output.writer->problem().empty();
+    if (broke) problems += fmt::format("; {}: {}", name, output.writer->problem());
+    if (out.file().empty() && !broke) continue;
+    if (!ended) stalled.push_back(name);
+    if (!ended || broke || out.failed()) failed.push_back(name);
   }
   if (failed.empty()) return;
   throw std::runtime_error(fmt::format(
-      "{}: could not be written whole{}", fmt::join(failed, ", "),
-      stalled.empty() ? "" : fmt::format("; {} took nothing any more", fmt::join(stalled, ", "))));
+      "{}: could not be written whole{}{}", fmt::join(failed, ", "),
+      stalled.empty() ? "" : fmt::format("; {} took nothing any more", fmt::join(stalled, ", ")),
+      problems));
 }
 
 std::int64_t Telemetry::lost() const noexcept { return implementation_->figures->lost; }

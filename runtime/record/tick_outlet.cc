@@ -1,5 +1,6 @@
 #include "runtime/record/tick_outlet.h"
 
+#include <algorithm>
 #include <bit>
 #include <utility>
 
@@ -7,11 +8,12 @@ namespace tumbler {
 
 std::size_t RingBytes(std::size_t joints, double rate_hz) {
   constexpr double kStall_s = 8, kTruths_hz = 200;
+  constexpr std::size_t kMax = std::size_t{64} << 20U;  // It may be locked, for each output.
   // As measured, with what a message has before it.
   const auto count = static_cast<double>(joints);
   const double tick_bytes = 170 + 110 * count, truth_bytes = 400 + 80 * count;
   const double bytes = kStall_s * (rate_hz * tick_bytes + kTruths_hz * truth_bytes);
-  return std::bit_ceil(static_cast<std::size_t>(bytes));
+  return std::min(std::bit_ceil(static_cast<std::size_t>(bytes)), kMax);
 }
 
 TickOutlet::TickOutlet(std::shared_ptr<TickWriter> writer, std::size_t ring_bytes)

@@ -256,9 +256,12 @@ TelemetryConfig TelemetryOf(const RunOptions& options, const RunParts& parts,
   config.truth_file = options.truth;
   config.candump_file = options.candump;
   if (!options.mcap.empty()) {
-    config.another = [&, pictures](const RunExportConfig& exports) {
+    // What cannot be drawn is refused before any file is touched.
+    const auto drawn =
+        std::make_shared<McapPictures>(PicturesOf(about, pictures, parts, options.mcap));
+    config.another = [&, drawn](const RunExportConfig& exports) {
       return std::make_unique<McapExport>(options.mcap, exports, about, options.simulated(),
-                                          pictures, parts.file);
+                                          std::move(*drawn));
     };
   }
   config.run = description;
@@ -593,6 +596,10 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   }
 
   NoteHoldWithoutEnd(options, procedure_config, voice);
+  if (!options.mcap.empty() && pictures == nullptr) {
+    voice.Say(fmt::format("note: {} is without the robot, as this build cannot read robot files",
+                          options.mcap));
+  }
 
   world->Open();
   CatchInterrupts();

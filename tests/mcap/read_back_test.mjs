@@ -362,6 +362,24 @@ function planFromTruth(read) {
   return worst;
 }
 
+test("Before the first motion the planned robot rests where the run begins, or is not drawn where a sensor chooses", async () => {
+  const run = ["sim", source("primitives/gait.toml"), "--cycles", "0", "--branch", "roll"];
+  const chosen = ["--drives", source("primitives/robots/tumbler_drives_sensor.toml")];
+  for (const [name, options] of [["told", ["--from", "rise"]], ["sensed", chosen]]) {
+    runWell("tumbler run", ...run, ...options, "--mcap", at(`${name}.mcap`));
+    const read = await readMcap(at(`${name}.mcap`));
+    const begins = read.topics["/tick"].find(({ message }) => message.state === "running").time;
+    const before = transformsAt(read, begins - 1n);
+    const planned = before["planned/middle"];
+    if (name === "sensed") {
+      assert.equal(planned, undefined);
+      assert.ok("planned/middle" in transformsAt(read, begins));
+      continue;
+    }
+    assert.ok(apart(pitchOf(planned.rotation), pitchOf(before["true/middle"].rotation)) < 0.1);
+  }
+});
+
 test("Joints without a motor have a truth, frames, and carry what is measured", async () => {
   runWell("tumbler optimize", source("tests/data/tasks/whip.toml"), "--quiet", "--out", at("whip.toml"));
   runWell("tumbler run", "sim", at("whip.toml"), "--record", at("whip.rec"));

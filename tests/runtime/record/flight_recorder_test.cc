@@ -213,6 +213,14 @@ TEST_F(FlightRecorderTest, HasRoomForEightSecondsInWhichTheDiskTakesNothing) {
   EXPECT_GT(recorder.lost(), 0) << "and not for twice as many";
 }
 
+TEST_F(FlightRecorderTest, TheRoomOfAnOutputIsAMatterOfTheRateAndNeverMoreThanCanBeLocked) {
+  constexpr std::size_t kMiB = std::size_t{1} << 20U;
+  EXPECT_EQ(RingBytes(2, 1000), 4 * kMiB);
+  EXPECT_EQ(RingBytes(2, 10'000), 32 * kMiB);
+  EXPECT_EQ(RingBytes(2, 100'000), 64 * kMiB);
+  EXPECT_EQ(RingBytes(kMaxJoints, 100'000), 64 * kMiB);
+}
+
 TEST_F(FlightRecorderTest, KeepsATrueStateOfTheGreatestLengthAndALongerOneIsSaid) {
   FlightRecorder recorder(config_);
   TickFeed feed({&recorder});

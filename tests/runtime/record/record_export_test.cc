@@ -7,10 +7,14 @@
 #include <cmath>
 #include <cstdlib>
 #include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <stdexcept>
 #include <string>
+#include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 
 #include "runtime/assembly/candump.h"
+#include "runtime/record/telemetry.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
 
@@ -147,6 +151,70 @@ TEST_F(RecordExport, SummaryNamesWhatThereIs) {
                            "joints joint1, joint2", "motion motions/motion.toml, speed 0.9",
                            "holds motions/motion.toml", "fnv1a64:", "complete: completed"}) {
     EXPECT_THAT(summary, HasSubstr(part));
+  }
+}
+
+TEST_F(RecordExport, TheLastMessageOfARunTellsOfTicksThatWereLostAtItsEnd) {
+  FlightRecorderConfig config;
+  config.file = folder_ / "cut.rec";
+  config.configuration = EncodeConfiguration(configuration_);
+  config.ring_bytes = std::size_t{1} << 14U;
+  FlightRecorder recorder(config);
+  TickFeed feed({&recorder});
+  testing::RecordRun(configuration_, feed, [&recorder](std::int64_t tick) {
+    if (tick < 30) recorder.Drain();
+  });
+  recorder.Stop("completed");
+  ASSERT_GT(recorder.lost(), 0);
+  const std::string bytes = ReadFile(config.file);
+  FlightRecord record(AsBytes(bytes), "cut.rec");
+  ExportTelemetry(record, "", folder_ / "out.lcm");
+  lcm::LogFile log(folder_ / "out.lcm", "r");
+  run_t run;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != "TUMBLER_RUN") continue;
+    ASSERT_GT(run.decode(event->data, 0, event->datalen), 0);
+  }
+  EXPECT_EQ(run.lost_records, recorder.lost());
+}
+
+/// Throws at its third tick.
+class BrokenExport final : public RunExport {
+ public:
+  using RunExport::RunExport;
+  void Take(const TickEntry& /*entry*/, const TimedRecord& /*timed*/) override {
+    if (++ticks_ >= 3) throw std::runtime_error("no plan of node 2");
+  }
+
+ private:
+  int ticks_ = 0;
+};
+
+TEST_F(RecordExport, OfARunThatThrowsEndsAloneAndTheRunIsToldWhyInTheEnd) {
+  for (const bool threads : {false, true}) {
+    TelemetryConfig config;
+    config.run = DescribeRun(configuration_);
+    config.trace_file = folder_ / "out.csv";
+    config.another = [](const RunExportConfig& /*exports*/) {
+      return std::make_unique<BrokenExport>("out.mcap");
+    };
+    Telemetry telemetry(config);
+    if (threads) telemetry.Start();
+    TickFeed feed({&telemetry});
+    std::int64_t ticks = 0;
+    testing::RecordRun(configuration_, feed, [&](std::int64_t /*tick*/) {
+      if (!threads) telemetry.Drain();
+      ++ticks;
+    });
+    try {
+      telemetry.Stop();
+      FAIL();
+    } catch (const std::runtime_error& error) {
+      EXPECT_STREQ(error.what(),
+                   "out.mcap: could not be written whole; out.mcap: no plan of node 2");
+    }
+    const std::string csv = ReadFile(folder_ / "out.csv");
+    EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), ticks + 1) << "the others are whole";
   }
 }
 

@@ -260,6 +260,33 @@ TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
   }
 }
 
+TEST_F(RecordPrograms, ARunWhosePlanCannotBeDrawnIsRefusedBeforeAnyFileIsTouched) {
+  // The ground of the second is another one. The executor does not mind.
+  testing::WriteFile(folder_ / "two.toml",
+                     "format = \"tumbler-sequence\"\nversion = 1\nname = \"two\"\n"
+                     "start = \"up\"\n[primitives]\nup = \"" +
+                         kHandstand + "\"\ndown = \"" +
+                         testing::SourcePath("primitives/downstand.toml") +
+                         "\"\n[[node]]\nname = \"up\"\nprimitive = \"up\"\n"
+                         "[[node]]\nname = \"down\"\nprimitive = \"down\"\nsafe = true\n"
+                         "[[edge]]\nfrom = \"up\"\nto = \"down\"\n"
+                         "[tolerances]\njoint_position_rad = 0.01\njoint_velocity_rad_s = 0.1\n"
+                         "joint_acceleration_rad_s2 = 10.0\nroot_z_m = 1.0\n"
+                         "root_pitch_rad = 1.5\nroot_m_s = 10.0\nroot_rad_s = 10.0\n");
+  const std::string command = "tumbler run can0 --cycles 1 " + (folder_ / "two.toml") +
+                              " --drives " +
+                              testing::SourcePath("primitives/robots/tumbler_drives.toml") +
+                              " --csv " + (folder_ / "run.csv");
+  const Outcome refused = Run(command + " --mcap " + (folder_ / "run.mcap"));
+  EXPECT_EQ(refused.exit_code, 1) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr("run.mcap: cannot be written, since the plan cannot be "
+                                      "drawn: "));
+  EXPECT_THAT(refused.text, HasSubstr("primitives.down"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "run.mcap"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "run.csv"));
+  EXPECT_EQ(Run(command).exit_code, 0) << "without the picture it can be played";
+}
+
 TEST_F(RecordPrograms, TheLogOfTrueStatesHasThoseOfTheRecordInTheirOrder) {
   ASSERT_EQ(Record("--truth " + (folder_ / "truth.lcm")).exit_code, 0);
   std::vector<std::string> logged, recorded;
