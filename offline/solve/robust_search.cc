@@ -397,6 +397,7 @@ class RobustSearch {
     for (const CapturedMotion& motion : led) captured.push_back({motion.x, motion.loss});
     EvaluateAgain(captured, MakeEnsemble(Capturing::kJudges, task_.settings.polish_scale,
                                          RobustTask::kRough));
+    Tell(false, 0, captured.front().loss);
     return captured;
   }
 
