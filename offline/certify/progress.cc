@@ -36,8 +36,9 @@ void Progress::operator()(const Evaluation& e) {
     return;
   }
   if (e.stage == SearchStage::kArrivals) {
-    line_.Show(fmt::format("lead    start {}  motion {:6d}  {:.0f} % away from rest", e.start + 1,
-                           e.count, 1e2 * e.cost));
+    line_.Show(fmt::format("lead    start {}  motion {:6d}  {:.3f} of its robots away from rest{}",
+                           e.start + 1, e.count, std::min(e.cost, 1.0),
+                           e.cost > 1 ? ", or a limit is exceeded" : ""));
     return;
   }
   if (problem_.robust) {

@@ -17,8 +17,10 @@
 #include "common/files/held_results.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
+#include "common/files/toml_reader.h"
 #include "offline/problem/posterior_toml.h"
 #include "offline/problem/simulated_motion.h"
+#include "offline/problem/task_toml.h"
 #include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/identified_drives.h"
@@ -495,9 +497,30 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
+/// The gate plays a motion's own robot with the masses and lengths that were identified: its feet,
+/// joints and limits have to be those of the identified one, whose URDF is beside the posterior.
+void CheckIsIdentified(const std::string& motion, const std::string& posterior) {
+  const std::string urdf = (std::filesystem::path(posterior).parent_path() / "robot.urdf").string();
+  if (!std::filesystem::exists(urdf)) return;
+  const SequenceFile file = LoadMotion(motion);
+  PrimitiveFile first = file.PrimitiveOf(file.graph.start);
+  const Scene scene = SimulatedMotion(file).scene();
+  first.provenance.robot_urdf = ReadTextFile(urdf);
+  first.provenance.robot_file = urdf;
+  const std::string difference = DifferenceOf(scene, TaskOf(first).problem.scene.robot);
+  if (difference.empty()) return;
+  throw std::invalid_argument(fmt::format(
+      "{}: is a motion of another robot than the one that was identified, {}: {}; give "
+      "a motion whose URDF differs from that in masses, centres of mass along the link's "
+      "x, inertias and lengths of links only",
+      motion, urdf, difference));
+}
+
 ExitStatus Gate(const IdentifyArguments& arguments) {
   const Scene scene = SimulatedMotion(LoadMotion(arguments.motion)).scene();
   const PosteriorFile file = LoadPosterior(arguments.posterior, &scene);
+  CheckIsIdentified(arguments.motion, arguments.posterior);
+  for (const std::string& failed : arguments.failed) CheckIsIdentified(failed, arguments.posterior);
   CheckResult(arguments.json);
   std::vector<std::string> read = {arguments.motion, arguments.posterior, arguments.drives};
   read.insert(read.end(), arguments.failed.begin(), arguments.failed.end());

@@ -576,7 +576,9 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     solution.duration_s = of_motion.duration_s;
     // A feedback takes as long to find as a motion: the best one gets it.
     if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
-    solution.end = search.as_it_is() ? SolveEnd::kTaken : SolveEnd::kGenerations;
+    solution.end = search.as_it_is()      ? SolveEnd::kTaken
+                   : search.interrupted() ? SolveEnd::kInterrupted
+                                          : SolveEnd::kGenerations;
     solution.finished = true;
     solution.start = static_cast<int>(i);
     outcome.solutions.push_back(std::move(solution));

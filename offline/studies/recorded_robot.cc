@@ -127,6 +127,12 @@ RobotVariation LinksOf(const PlanarRobot& of, const PlanarRobot& from) {
 
 }  // namespace
 
+std::string DifferenceOf(const Scene& scene, const PlanarRobot& robot) {
+  const std::string difference = DifferenceInKind(scene.robot, robot);
+  if (!difference.empty()) return difference;
+  return DifferenceInNumbers(Varied(scene, LinksOf(robot, scene.robot)).robot, robot);
+}
+
 void TakeModelOf(const RecordedMotion& base, RecordedMotion& record) {
   const ContactLaw &to = base.scene.contact, &own = record.scene.contact;
   ContactLaw estimated = own;
@@ -144,12 +150,8 @@ void TakeModelOf(const RecordedMotion& base, RecordedMotion& record) {
   }
   if (record.robot_text != base.robot_text) {
     const PlanarRobot& robot = base.scene.robot;
-    std::string difference = DifferenceInKind(record.scene.robot, robot);
-    if (difference.empty()) {
-      Scene scene = Varied(record.scene, LinksOf(robot, record.scene.robot));
-      difference = DifferenceInNumbers(scene.robot, robot);
-      if (difference.empty()) record.scene = std::move(scene);
-    }
+    const std::string difference = DifferenceOf(record.scene, robot);
+    if (difference.empty()) record.scene = Varied(record.scene, LinksOf(robot, record.scene.robot));
     if (!difference.empty()) {
       throw std::invalid_argument(fmt::format(
           "{}: is of another robot than {}: of the URDFs that their motions were made for, {} "

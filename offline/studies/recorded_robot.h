@@ -14,6 +14,10 @@ namespace tumbler {
 ///         and numbers of the ground's [contact].
 void TakeModelOf(const RecordedMotion& base, RecordedMotion& record);
 
+/// In words, where a scene's robot differs from another in more than masses, centres of mass along
+/// the link's x, moments of inertia and lengths of links; empty: nowhere.
+[[nodiscard]] std::string DifferenceOf(const Scene& scene, const PlanarRobot& robot);
+
 /// Makes a record one that was made with the zeros of other drives of the same robot: what was read
 /// and what drives were told is shifted by as much.
 /// @pre both have the same joints

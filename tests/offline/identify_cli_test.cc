@@ -284,6 +284,25 @@ TEST(IdentifyProgram, TheGateSaysWithWhichDrivesAndTwinItPlays) {
                     HasSubstr("--drives")));
 }
 
+TEST(IdentifyProgram, TheGateRefusesAMotionOfARobotWithOtherFeetThanTheIdentifiedOne) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  fs::copy(of.model(), folder / "model");
+  const std::string urdf = folder / "model/robot.urdf";
+  const std::vector<std::string> gate = {"gate", kStand, folder / "model/posterior.toml",
+                                         "--drives", kDrivesFile};
+  EXPECT_THAT(Identify(gate).text, Not(HasSubstr("another robot")));
+  WriteFile(urdf, Replaced(ReadFile(urdf), "radius=\"0.03\"", "radius=\"0.05\""));
+  for (const bool as_failed : {false, true}) {
+    std::vector<std::string> asked = gate;
+    if (as_failed) asked.insert(asked.end(), {"--failed", kStand});
+    const Outcome refused = Identify(asked);
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_THAT(refused.text,
+                AllOf(HasSubstr(kStand), HasSubstr(urdf), HasSubstr("contact shape")));
+  }
+}
+
 TEST(IdentifyProgram, AFolderIsAsItWasWhereItsPageCannotBeWritten) {
   const Records& of = Shared();
   const testing::TemporaryFolder folder;

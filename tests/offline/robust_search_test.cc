@@ -123,6 +123,25 @@ TEST(RobustSearch, AnInterruptEndsItWithWhatItHas) {
   EXPECT_TRUE(outcome.interrupted);
 }
 
+TEST(RobustSearch, WhatAnInterruptLeavesSaysSoInWhateverStageItCame) {
+  const Problem problem = ProblemOf(QuickRobustTask("mass = 0.1\n"));
+  for (const SearchStage stage :
+       {SearchStage::kModel, SearchStage::kArrivals, SearchStage::kUsual}) {
+    std::atomic<bool> interrupt{false};
+    SolveOptions options;
+    options.interrupt = &interrupt;
+    options.progress = [&](const Evaluation& evaluation) {
+      if (evaluation.stage == stage) interrupt = true;
+    };
+    const SolveOutcome outcome = SolveRobust(problem, options);
+    EXPECT_TRUE(outcome.interrupted);
+    ASSERT_FALSE(outcome.solutions.empty()) << "it has a motion by then";
+    for (const Solution& solution : outcome.solutions) {
+      EXPECT_EQ(solution.end, SolveEnd::kInterrupted);
+    }
+  }
+}
+
 TEST(RobustSearch, ADurationThatIsFreeIsFoundWithinItsBoundsWithLimitsKept) {
   const Problem fixed = ProblemOf(QuickRobustTask());
   const Problem problem =
