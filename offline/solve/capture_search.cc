@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
@@ -109,7 +108,7 @@ std::vector<CapturedMotion> Capture(
     const std::function<bool()>& ended) {
   const Ensemble judges = PartOf(robots, 0, kJudges);
   std::vector<Led> led;
-  for (std::size_t i = 0; i < std::min(from.size(), settings.starts) && !ended(); ++i) {
+  for (std::size_t i = 0; i < from.size() && !ended(); ++i) {
     const auto covariance = ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
     led.push_back({static_cast<int>(i),
                    covariance ? CmaEs(from[i], *covariance, kPopulation, seed + i)
@@ -130,7 +129,9 @@ std::vector<CapturedMotion> Capture(
       const std::vector<double> losses = losses_of(
           one.search.Ask(), PartOf(robots, Index(one.generation) * kPackets, packets), half_rad_s);
       one.search.Tell(losses);
-      tell(one.number, kPopulation, std::ranges::min(losses));
+      const double least = std::ranges::min(losses);
+      tell(one.number, kPopulation, least);
+      if (least < RobotLoss::kPerfect) break;
     }
   };
   while (!ended() && !led.empty()) {
@@ -143,7 +144,7 @@ std::vector<CapturedMotion> Capture(
       one.loss = losses_of({one.search.mean()}, judges, kNarrow_rad_s).front();
     }
     std::ranges::stable_sort(led, {}, &Led::loss);
-    if (last) break;
+    if (last || led.front().loss < RobotLoss::kPerfect) break;
     led.erase(
         led.begin() + static_cast<std::ptrdiff_t>(std::max(settings.wanted, (led.size() + 1) / 2)),
         led.end());

@@ -27,8 +27,7 @@ enum class Telling : std::uint8_t {
 /// takes steps for it that lead nowhere.
 /// @param reach  [rad]
 /// @returns none where fewer than a tenth of the robots arrive near the target, or the motion
-/// cannot
-///          be played.
+///          cannot be played.
 [[nodiscard]] std::optional<Eigen::MatrixXd> ArrivalCovariance(const RobustRanking& ranking,
                                                                const std::vector<double>& x,
                                                                const Ensemble& robots,
@@ -36,9 +35,9 @@ enum class Telling : std::uint8_t {
 
 /// How motions are led to where robots arrive at rest.
 struct CaptureSettings {
-  std::size_t starts = 8;  ///< So many motions are led at first, each time half of them further ...
-  std::size_t wanted = 1;  ///< ... until so many are left.
-  int generations = 60;    ///< Of one that is left to the end.
+  std::size_t wanted =
+      1;                 ///< Of all motions half are led further each time, until so many are left.
+  int generations = 60;  ///< Of one that is left to the end.
   double reach_rad = 0.2;  ///< See ArrivalCovariance.
 };
 
@@ -55,8 +54,9 @@ struct CapturedMotion {
 /// the end: by then their divergence tells who falls, at less than half the price of looking
 /// whether they stand, and it tells of one that falls by how much.
 ///
-/// @param from    the most promising first; no more than `settings.starts` count.
-/// @param robots  a whole number of times 64.
+/// It ends where no robot of a generation has anything left to gain (RobotLoss::kPerfect).
+///
+/// @param robots  at least 64.
 /// @param tell    gets the number of a start and its loss, after each generation.
 /// @param ended   asked before each generation.
 /// @returns the best first, at most `settings.wanted`.

@@ -131,8 +131,7 @@ class RobustSearch {
       : task_(problem, options, complement) {}
 
   /// @param guess  a motion to begin with, in place of all before the last improvement; empty:
-  /// none. Where a
-  ///               feedback is asked for, it stays as it is.
+  ///               none. Where a feedback is asked for, it stays as it is.
   /// @param gains  the guess's feedback, where its gains are taken; null: they are found.
   std::vector<Candidate> Run(std::span<const double> guess, const Feedback<double>* gains) {
     taken_ = gains;
@@ -373,8 +372,7 @@ class RobustSearch {
     return found;
   }
 
-  /// Motions led to where robots come to rest; those that leave the fewest
-  /// falling come first.
+  /// Motions led to where robots come to rest; those that leave the fewest falling come first.
   std::vector<Candidate> Captured(const std::vector<Candidate>& found) {
     if (found.empty()) return {};
     std::vector<std::vector<double>> from;
@@ -383,9 +381,7 @@ class RobustSearch {
     const std::vector<CapturedMotion> led = Capture(
         ranking_, from,
         MakeEnsemble(Capturing::kRobots, task_.settings.polish_scale, RobustTask::kRough),
-        {.starts = Index(task_.settings.starts),
-         .wanted = Index(task_.settings.improved),
-         .generations = task_.settings.generations},
+        {.wanted = Index(task_.settings.improved), .generations = task_.settings.generations},
         SeedOf(0),
         [this](int start, int motions, double loss) {
           evaluations_ += motions;
