@@ -51,6 +51,17 @@ std::string RefusalOf(const std::string& text) {
   return "";
 }
 
+/// Of the joints, from their starts to their ends.
+std::vector<double> StraightPaths(const Problem& problem) {
+  std::vector<double> paths;
+  for (const ActuatedJoint& joint : problem.joints) {
+    for (int i = 1; i <= joint.free_points(); ++i)
+      paths.push_back(joint.start_rad +
+                      (joint.end_rad - joint.start_rad) * i / (joint.free_points() + 1));
+  }
+  return paths;
+}
+
 TEST(CmaEs, FindsTheMinimumOfACrookedValley) {
   // Rosenbrock's function in 6 variables, whose minimum is 0 at (1, ..., 1).
   CmaEs search(std::vector<double>(6, -0.5), 0.3, 12, 7);
@@ -171,7 +182,7 @@ TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
 
 TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
   Problem problem = ProblemOf(QuickRobustTask("zero_rad = 0.05\n"));
-  std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
+  std::vector<double> guess = StraightPaths(problem);
   for (double& x : guess) x += 0.1;  // Worse than what a round makes of it.
   const SolveOutcome eight = SolveRobust(problem, {}, guess);
   problem.robust->polish_robots = 16;
@@ -315,17 +326,6 @@ double NearestAlong(const Problem& problem, const std::vector<double>& x) {
     nearest_m = std::min(nearest_m, distances.Nearest(q).distance_m);
   }
   return nearest_m;
-}
-
-/// Of the joints, from their starts to their ends.
-std::vector<double> StraightPaths(const Problem& problem) {
-  std::vector<double> paths;
-  for (const ActuatedJoint& joint : problem.joints) {
-    for (int i = 1; i <= joint.free_points(); ++i)
-      paths.push_back(joint.start_rad +
-                      (joint.end_rad - joint.start_rad) * i / (joint.free_points() + 1));
-  }
-  return paths;
 }
 
 TEST(RobustSearch, RobotsWhoseOwnShapesOverlapThoughThePlansDoNotAreLostToGainsInTheMotion) {
