@@ -568,8 +568,11 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
                ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
   }
   for (const FailedMotion& failed : outcome.failed) {
-    fmt::print(people, "{}, in which the robot failed: {} of {} stand\n", failed.motion,
-               failed.stand, outcome.robots.size());
+    fmt::print(people, "{}, in which the robot failed: the robot that was identified {}{}\n",
+               failed.motion, failed.mean_fails ? "fails, too" : "does not fail",
+               failed.left_out == 0
+                   ? ""
+                   : fmt::format("; draws left out because they do not: {}", failed.left_out));
   }
   if (!outcome.credible()) {
     fmt::print(people,
@@ -661,9 +664,10 @@ ExitStatus Main(int argc, char** argv) {
               "default drives with the motion's gains");
   gate.Option(
           "--draws", arguments.draws,
-          fmt::format("Robots at two standard deviations, beside the mean; without it {}, of an "
-                      "effective model {}",
-                      GateDraws{}.count, kDrawsOfEffective.count))
+          fmt::format("Robots at {} standard deviations, beside the mean; without it {}. Of an "
+                      "effective model at {}; without it {}",
+                      GateDraws{}.deviations, GateDraws{}.count, kDrawsOfEffective.deviations,
+                      kDrawsOfEffective.count))
       .Within(0, 1000);
   gate.Option(
           "--failed", arguments.failed,

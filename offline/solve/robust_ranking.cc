@@ -20,8 +20,13 @@ constexpr double kDropped = 100;
 /// lane. The second look asks for 2 mrad.
 constexpr std::array<double, Packet::kLanes> kSlopes_rad = {0,     1e-3, -1e-3, 2e-3,
                                                             -2e-3, 3e-3, -3e-3, 0};
-/// Weight of a plan's excess, and the largest with which a motion nearly keeps its limits.
-constexpr double kExcessWeight = 2, kLittleExcess = 0.3;
+/// The largest excess of a plan with which a motion nearly keeps its limits.
+constexpr double kLittleExcess = 0.3;
+
+/// What the excess of a plan adds to a motion's loss: twice the excess, and less and less of more
+/// than 1, so that no motion that can be played is worse than one that cannot. A search that fled
+/// from a large excess to paths beyond their limits would stay there.
+double PenaltyOf(double excess) { return excess <= 1 ? 2 * excess : 2.5 - 0.5 / excess; }
 
 int PacketsOf(const std::vector<std::vector<double>>& motions) {
   return static_cast<int>((motions.size() + Packet::kLanes - 1) / Packet::kLanes);
@@ -37,7 +42,7 @@ struct RobustRanking::Runner {
   double sum = 0;
   std::size_t packets = 0;
   [[nodiscard]] double loss() const {
-    return sum / static_cast<double>(packets * Packet::kLanes) + kExcessWeight * plan.excess;
+    return sum / static_cast<double>(packets * Packet::kLanes) + PenaltyOf(plan.excess);
   }
 };
 
@@ -120,7 +125,7 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
     for (const Runner& runner :
          RunnersOf(motions, Index(p) * Packet::kLanes, distances.front(), losses)) {
       double& loss = losses[runner.motion];
-      loss += Judge(runner, ensemble, distances) + kExcessWeight * runner.plan.excess;
+      loss += Judge(runner, ensemble, distances) + PenaltyOf(runner.plan.excess);
       // The model is none of these, and it has to do what the task asks.
       if (model == Model::kIsLeftOut) continue;
       if (task_.tunes() && loss > RobotLoss::kHopeless) {
@@ -142,7 +147,7 @@ std::vector<RobustRanking::Arrival> RobustRanking::Arrivals(
     for (const Runner& runner :
          RunnersOf(motions, Index(p) * Packet::kLanes, distances.front(), penalties)) {
       Arrival& arrival = arrivals[runner.motion];
-      arrival.penalty = kExcessWeight * runner.plan.excess;
+      arrival.penalty = PenaltyOf(runner.plan.excess);
       const PacketMotion motion{runner.setpoints, runner.ticks};
       for (std::size_t packet = 0; packet < ensemble.robots.size(); ++packet) {
         const auto [soon, later] = RobotDivergences(task_, ensemble, packet, motion, distances);

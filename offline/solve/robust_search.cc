@@ -44,8 +44,7 @@ constexpr Stage kSecond{32, 1.25, 0.05, 2};
 /// The last improvement, of one motion, with the task's robots.
 struct Polishing {
   static constexpr double kReach_rad = 0.15;
-  /// Of all variables, where a motion is tuned to one robot, which is near, or divergences
-  /// tell nothing.
+  /// Of all variables, where divergences tell nothing.
   static constexpr double kSigma = 0.03;
 };
 
@@ -68,6 +67,10 @@ struct Tuning {
   /// generations; while robots fall, not before it had a chance.
   static constexpr double kProgress = 0.05;
   static constexpr std::size_t kPatience = 10, kChance = 20;
+  /// Robots by which a motion is led before, and in how many generations at most.
+  static constexpr int kLeading = 64, kLeadingGenerations = 50;
+  /// See ArrivalCovariance: of leading, and of the last improvement.
+  static constexpr double kLeadingReach_rad = 0.1, kReach_rad = 0.06;
   /// A mean loss of few robots from which more robots do not lead on: many of them fall.
   static constexpr double kNoUse = 0.5;
 };
@@ -142,7 +145,7 @@ class RobustSearch {
         // The model, none of these robots, may not do well with the best: then another is taken.
         best = WithPolished(ForOneEach(best.front()));
       } else if (!task_.settings.feedback) {
-        best = Polish(best);
+        best = task_.tunes() ? Tuned(best.front()) : Polish(best);
       }
     } else {
       best = Captured(FoundForTheModel());
@@ -397,6 +400,39 @@ class RobustSearch {
     return captured;
   }
 
+  /// A motion that is tuned to one robot: changed a little, or, where that does not do, led to
+  /// where the robots of its posterior come to rest before it is improved.
+  std::vector<Candidate> Tuned(const Candidate& from) {
+    const std::vector<Candidate> near = Polish({from});
+    if (interrupted() || (!near.empty() && near.front().loss < Tuning::kMargin)) return near;
+    const std::vector<Candidate> led = Polish(LedToOneRobot(from));
+    const bool no_better = led.empty() || (!near.empty() && near.front().loss <= led.front().loss);
+    return no_better ? near : led;
+  }
+
+  /// A motion that is tuned to one robot, and that first where fewer robots of its posterior fall:
+  /// led to where they come to rest, or as it is.
+  std::vector<Candidate> LedToOneRobot(const Candidate& from) {
+    const Ensemble robots =
+        MakeEnsemble(Tuning::kLeading, task_.settings.polish_scale, RobustTask::kRough);
+    std::vector<Candidate> both = {{from.x, Evaluate({from.x}, robots).front()}};
+    if (both.front().loss < RobotLoss::kCarried) return both;
+    if (DivergenceTells(ranking_, from.x, robots) == Telling::kNo) return both;
+    ++stage_;
+    const std::vector<CapturedMotion> led = Capture(
+        ranking_, {from.x}, robots,
+        {.generations = Tuning::kLeadingGenerations, .reach_rad = Tuning::kLeadingReach_rad},
+        SeedOf(0),
+        [this](int start, int motions, double loss) {
+          evaluations_ += motions;
+          Show(SearchStage::kArrivals, start, loss);
+        },
+        [this] { return interrupted(); });
+    for (const CapturedMotion& motion : led) both.push_back({motion.x, motion.loss});
+    EvaluateAgain(both, robots);
+    return both;
+  }
+
   /// Of a start of the present stage.
   [[nodiscard]] std::uint64_t SeedOf(int start) const {
     return task_.problem.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
@@ -404,8 +440,10 @@ class RobustSearch {
   /// From a motion that is to be polished.
   [[nodiscard]] CmaEs PolishingSearch(const std::vector<double>& x,
                                       const Ensemble& ensemble) const {
-    if (!task_.beside_model() && DivergenceTells(ranking_, x, ensemble) != Telling::kNo) {
-      const auto covariance = ArrivalCovariance(ranking_, x, ensemble, Polishing::kReach_rad);
+    if ((!task_.beside_model() || task_.tunes()) &&
+        DivergenceTells(ranking_, x, ensemble) != Telling::kNo) {
+      const double reach_rad = task_.tunes() ? Tuning::kReach_rad : Polishing::kReach_rad;
+      const auto covariance = ArrivalCovariance(ranking_, x, ensemble, reach_rad);
       if (covariance) return {x, *covariance, Improving::kPopulation, SeedOf(0)};
     }
     return {x, Polishing::kSigma, Improving::kPopulation, SeedOf(0)};

@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
+#include <numeric>
 #include <stdexcept>
 
+#include "common/core/index.h"
 #include "common/files/json.h"
 #include "common/files/program.h"
 #include "offline/studies/identified_drives.h"
@@ -38,34 +41,18 @@ void TakeOff(const std::vector<JointMotor>& played, RobotVariation& robot) {
   }
 }
 
-}  // namespace
+/// So many draws are looked at for each that is asked for.
+constexpr int kDrawnForEach = 2;
 
-bool GateOutcome::credible() const {
-  return std::ranges::all_of(failed, [](const FailedMotion& motion) { return motion.stand == 0; });
-}
-
-bool GateOutcome::open() const {
-  return !robots.empty() && credible() &&
-         std::ranges::all_of(robots, [](const TrialOutcome& robot) { return robot.stands(); });
-}
-
-namespace {
-
-/// Plays the gate's robots in a motion.
-GateOutcome PlayRobots(const std::string& motion, const std::string& drives,
-                       const PosteriorFile& posterior, const GateSettings& settings) {
-  if (LoadMotion(motion).graph.edge_count > 0)
-    throw Refused(motion + ": goes on for ever; the gate takes motions that end, one by one");
-  RobustnessStudy study;
-  study.motion = motion;
-  study.drives = drives;
-  Trials trials(study);
-  GateOutcome outcome;
-  outcome.drives = trials.drives();
-  PosteriorFile known = posterior;
-  if (!known.drives.of_joint.empty()) {
-    const PosteriorDrives played = FactsOf(outcome.drives);
-    const std::string difference = DifferenceOf(played, known.drives, false);
+/// The robots of a posterior in a motion.
+class GateRobots {
+ public:
+  GateRobots(const std::string& motion, const std::string& drives, const PosteriorFile& posterior,
+             const GateSettings& settings)
+      : settings_(settings), known_(posterior), trials_(StudyOf(motion, drives)) {
+    if (known_.drives.of_joint.empty()) return;
+    const PosteriorDrives played = FactsOf(trials_.drives());
+    const std::string difference = DifferenceOf(played, known_.drives, false);
     if (!difference.empty()) {
       throw std::invalid_argument(fmt::format(
           "{}: {} and those with which the records of the posterior were made differ: {}; {}",
@@ -74,36 +61,82 @@ GateOutcome PlayRobots(const std::string& motion, const std::string& drives,
           drives.empty() ? "name their drives file (--drives)"
                          : "give those of the records, or record the robot with these"));
     }
-    ShiftZeros(known, played);
+    ShiftZeros(known_, played);
   }
-  outcome.draws = posterior.effective ? kDrawsOfEffective : GateDraws{};
-  if (settings.draws) outcome.draws.count = *settings.draws;
-  if (settings.deviations) outcome.draws.deviations = *settings.deviations;
-  for (int i = 0; i <= outcome.draws.count; ++i) {
-    const RobotPosterior& robots = known.posterior;
+  [[nodiscard]] const DrivesConfig& drives() const { return trials_.drives(); }
+
+  /// @param number  0: the mean; from 1 on: a draw.
+  [[nodiscard]] TrialOutcome Play(int number, double deviations) {
+    const RobotPosterior& robots = known_.posterior;
     const std::vector<double> coordinates =
-        i == 0
-            ? robots.mean
-            : robots.Draw(outcome.draws.deviations, settings.seed, static_cast<std::uint64_t>(i));
-    RobotVariation robot = VariationOf(trials.scene(), robots.quantities, coordinates);
-    OwnDrives(StatedIn(known.drives), robots.quantities, robot);
-    TakeOff(trials.robot().motors, robot);
-    if (i > 0) AddMargins(trials.scene(), settings, outcome.draws.deviations, i, robot);
-    outcome.robots.push_back(trials.Play(robot));
+        number == 0 ? robots.mean
+                    : robots.Draw(deviations, settings_.seed, static_cast<std::uint64_t>(number));
+    RobotVariation robot = VariationOf(trials_.scene(), robots.quantities, coordinates);
+    OwnDrives(StatedIn(known_.drives), robots.quantities, robot);
+    TakeOff(trials_.robot().motors, robot);
+    if (number > 0) AddMargins(trials_.scene(), settings_, deviations, number, robot);
+    return trials_.Play(robot);
   }
-  return outcome;
-}
+
+ private:
+  static RobustnessStudy StudyOf(const std::string& motion, const std::string& drives) {
+    if (LoadMotion(motion).graph.edge_count > 0)
+      throw Refused(motion + ": goes on for ever; the gate takes motions that end, one by one");
+    RobustnessStudy study;
+    study.motion = motion;
+    study.drives = drives;
+    return study;
+  }
+
+  const GateSettings& settings_;
+  PosteriorFile known_;
+  Trials trials_;
+};
 
 }  // namespace
 
+int GateOutcome::left_out() const {
+  return std::transform_reduce(failed.begin(), failed.end(), 0, std::plus<>{},
+                               [](const FailedMotion& motion) { return motion.left_out; });
+}
+
+bool GateOutcome::credible() const {
+  return robots.size() == Index(draws.count) + 1 &&
+         std::ranges::all_of(failed, &FailedMotion::mean_fails);
+}
+
+bool GateOutcome::open() const {
+  return credible() && std::ranges::all_of(robots, &TrialOutcome::stands);
+}
+
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
                      const PosteriorFile& posterior, const GateSettings& settings) {
-  GateOutcome outcome = PlayRobots(motion, drives, posterior, settings);
-  for (const std::string& failed : settings.failed) {
-    const GateOutcome again = PlayRobots(failed, drives, posterior, settings);
-    const auto stand = std::ranges::count_if(
-        again.robots, [](const TrialOutcome& robot) { return !robot.fails(); });
-    outcome.failed.push_back({failed, static_cast<int>(stand)});
+  GateRobots asked(motion, drives, posterior, settings);
+  std::vector<GateRobots> failed_in;
+  for (const std::string& failed : settings.failed)
+    failed_in.emplace_back(failed, drives, posterior, settings);
+  GateOutcome outcome;
+  outcome.drives = asked.drives();
+  outcome.draws = posterior.effective ? kDrawsOfEffective : GateDraws{};
+  if (settings.draws) outcome.draws.count = *settings.draws;
+  if (settings.deviations) outcome.draws.deviations = *settings.deviations;
+  const double deviations = outcome.draws.deviations;
+  for (std::size_t i = 0; i < failed_in.size(); ++i)
+    outcome.failed.push_back({settings.failed[i], failed_in[i].Play(0, deviations).fails()});
+  outcome.robots.push_back(asked.Play(0, deviations));
+  // Whether a draw is this robot is asked before what it does in the motion.
+  const auto is_left_out = [&](int number) {
+    for (std::size_t i = 0; i < failed_in.size(); ++i) {
+      if (failed_in[i].Play(number, deviations).fails()) continue;
+      ++outcome.failed[i].left_out;
+      return true;
+    }
+    return false;
+  };
+  const int wanted = outcome.draws.count;
+  for (int number = 1; number <= kDrawnForEach * wanted; ++number) {
+    if (static_cast<int>(outcome.robots.size()) > wanted) break;
+    if (!is_left_out(number)) outcome.robots.push_back(asked.Play(number, deviations));
   }
   return outcome;
 }
@@ -129,7 +162,8 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
   }
   auto failed = Json::Array();
   for (const FailedMotion& of : outcome.failed)
-    failed.Append({{"motion", of.motion}, {"stand", of.stand}});
+    failed.Append(
+        {{"motion", of.motion}, {"mean_fails", of.mean_fails}, {"left_out", of.left_out}});
   const Json json = {
       {"motion", motion},
       {"posterior", posterior},

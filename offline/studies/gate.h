@@ -17,8 +17,9 @@ struct GateDraws {
   int count = 3;
   double deviations = 2;  ///< By so many are they drawn.
 };
-/// Of an effective model: where a third of its robots falls, three pass by chance.
-inline constexpr GateDraws kDrawsOfEffective = {12, 2};
+/// Of an effective model: where a third of its robots falls, three pass by chance; and what it does
+/// not explain of its records is not in its deviations.
+inline constexpr GateDraws kDrawsOfEffective = {12, 2.5};
 
 /// Settings of a gate.
 struct GateSettings {
@@ -35,25 +36,31 @@ struct GateSettings {
 /// What robots of a posterior do in a motion that the robot has failed in.
 struct FailedMotion {
   std::string motion;
-  /// Of all robots, the mean and the draws; with those that could not be judged.
-  int stand = 0;
+  bool mean_fails = false;
+  int left_out = 0;  ///< Draws that do not fail in it: none of them is this robot.
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.
 struct GateOutcome {
+  /// Fewer than were asked for where too many draws were left out.
   std::vector<TrialOutcome> robots;
   GateDraws draws;                   ///< As they were drawn.
   DrivesConfig drives;               ///< With which they were played.
   std::vector<FailedMotion> failed;  ///< Those of the settings, in their order.
-  /// Whether none of them stands in a motion that the robot has failed in.
+  /// Draws that were left out.
+  [[nodiscard]] int left_out() const;
+  /// Whether the mean fails in all motions that the robot has failed in, and as many draws do as
+  /// were asked for.
   [[nodiscard]] bool credible() const;
-  /// Whether all of them are as asked, and credible. Only then is the motion to be tried on the
+  /// Whether all robots are as asked, and credible. Only then is the motion to be tried on the
   /// robot.
   [[nodiscard]] bool open() const;
 };
 
 /// Plays a motion in the twin of the robot that was identified, and of robots that it may be. Each
-/// is played through the executor, simulated drives and the twin.
+/// is played through the executor, simulated drives and the twin. Draws that do not fail where the
+/// robot did are left out, and others drawn for them, until twice as many were drawn as are asked
+/// for: a posterior of which more is left out has not understood why the robot failed.
 /// @param motion  primitive or sequence, of whatever model of the robot.
 /// @param drives  those of the run; empty: the default ones, as in tumbler run. Their zeros may
 ///                differ from those of the records.

@@ -108,7 +108,7 @@ void TuneTo(const PosteriorFile& file, const TuningSettings& settings, Task& tas
   robust.spreads.delay_s = std::max(robust.spreads.delay_s, settings.untold.delay_s);
   robust.polish_robots = std::min(robust.polish_robots,
                                   file.effective ? settings.robots_of_effective : settings.robots);
-  if (file.effective) robust.polish_scale = std::min(robust.polish_scale, kEffectiveDeviations);
+  if (file.effective) robust.polish_scale = kEffectiveDeviations;
   robust.polish_rounds = settings.rounds;
   robust.generations = std::min(robust.generations, settings.generations);
 }

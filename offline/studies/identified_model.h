@@ -24,9 +24,9 @@ struct UntoldSpreads {
   double delay_s = 1e-4;       ///< Of what setpoints are late by.
 };
 
-/// By how many standard deviations robots of an effective model differ at most for whom a motion is
-/// tuned: no motion carries those of two, and what was found for them carries the true one less.
-inline constexpr double kEffectiveDeviations = 1;
+/// By how many standard deviations robots of an effective model differ for whom a motion is tuned:
+/// by more than those of the gate, since what was not explained is not in its deviations.
+inline constexpr double kEffectiveDeviations = 3;
 
 /// How many robots, and for how long, a motion is tuned to one robot: it begins near, and robots of
 /// a posterior differ little.

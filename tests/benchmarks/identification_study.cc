@@ -57,7 +57,8 @@ std::string Verdict(const GateOutcome& gate) {
   for (const TrialOutcome& robot : gate.robots)
     robots += fmt::format("{}{}", robots.empty() ? "" : " ", robot.stands() ? '+' : '-');
   for (const FailedMotion& failed : gate.failed)
-    robots += fmt::format("; {} in one that it fails in", failed.stand);
+    robots +=
+        fmt::format("; {} left out{}", failed.left_out, failed.mean_fails ? "" : ", mean stands");
   return fmt::format("gate {} ({})", gate.open() ? "open" : "closed", robots);
 }
 
