@@ -135,8 +135,9 @@ std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x)
   return gradient;
 }
 
-/// A relative error as a number that a file can hold: infinity becomes 1e9.
-double Finite(double error) { return std::min(error, 1e9); }
+/// An error or a gradient as a number that a file can hold: what is none becomes 1e9, as does
+/// infinity.
+double Finite(double error) { return error < 1e9 ? error : 1e9; }
 
 /// The directions along which a gradient of n components is compared: each component alone where
 /// there are few, else a few with all components in them, each forwards or backwards at random. A
@@ -460,7 +461,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   std::transform(check.errors.begin(), check.errors.end(), certificate.gradient_errors.begin(),
                  Finite);
   certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, beside));
-  certificate.projected_gradient = solution.kkt.absolute;
+  certificate.projected_gradient = Finite(solution.kkt.absolute);
   if (const auto kkt = FinerKktResidual(problem, solution.x))
     certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -17,10 +18,12 @@
 #include "common/files/held_results.h"
 #include "common/files/program.h"
 #include "common/files/result_file.h"
+#include "common/files/temporary_folder.h"
 #include "common/files/toml_reader.h"
 #include "offline/problem/posterior_toml.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
+#include "offline/programs/identify_text.h"
 #include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/identified_drives.h"
@@ -170,68 +173,6 @@ void TakeStated(const PosteriorDrives& drives, RecordedMotion& record) {
     const auto at = std::ranges::find(drives.of_joint, joint, &PosteriorDrive::joint);
     if (at != drives.of_joint.end())
       record.joints[j].motor = stated[static_cast<std::size_t>(at - drives.of_joint.begin())];
-  }
-}
-
-void PrintReadings(const RecordedMotion& record) {
-  const double used_s = static_cast<double>(record.ticks.size()) * record.tick_s;
-  fmt::print(
-      "{}: {}, {:.3g} s used, of which the robot stood {:.3g} s before; setpoints are late by "
-      "{:.3f} ms besides the frames' time\n",
-      record.name, record.motion_name, used_s, static_cast<double>(record.begins) * record.tick_s,
-      1e3 * record.late_s);
-  for (const std::string& remark : record.remarks) fmt::print("  {}\n", remark);
-}
-
-/// Says of quantities that are far from what was known of them before.
-void PrintFarOff(const RobotPosterior& posterior, const RobotPosterior& prior) {
-  constexpr double kFar = 3;
-  for (std::size_t i = 0; i < posterior.size(); ++i) {
-    const double off = std::abs(posterior.mean[i] - prior.mean[i]) / prior.DeviationOf(i);
-    if (off <= kFar) continue;
-    fmt::print(
-        "warning: {} is {:.3g} standard deviations from what was known before: such is a robot far "
-        "from its model, a wrong weight, or physics that the model lacks\n",
-        NameOf(posterior.quantities[i]), off);
-  }
-}
-
-void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
-  fmt::print("{:34} {:>12} {:>12} {:>10}  share of the prior left\n", "quantity", "value",
-             "95 % +-", "unit");
-  for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
-    const RobotQuantity& quantity = fit.posterior.quantities[i];
-    const QuantityFacts& facts = FactsOf(quantity.kind);
-    const double half = 1.96 * fit.posterior.DeviationOf(i);
-    fmt::print(
-        "{:34} {:12.5g} {:>12} {:>10}  {:5.1f} %{}\n", NameOf(quantity), fit.posterior.ValueOf(i),
-        facts.logarithmic ? fmt::format("{:.2g} %", 100 * half) : fmt::format("{:.2g}", half),
-        facts.unit, 100 * fit.ShareLeft(i),
-        fit.Identifiable(i) ? "" : "  not identifiable from these records");
-  }
-  fmt::print("chi {:.3g} (limit {:.3g})\n", fit.chi, settings.chi_max);
-  if (!fit.weighed) {
-    fmt::print(
-        "not weighed: masses and forces are as the drives' newton metres are; a torque "
-        "constant that is off scales all of them (--weight-kg)\n");
-  }
-  if (fit.chi > settings.chi_max) {
-    fmt::print(
-        "an EFFECTIVE model: it does not explain the records, and its quantities are not the "
-        "robot's\n");
-  }
-  if (fit.moved_max > 0) {
-    fmt::print("moved by {:.3g} from the prior, squared and in its own metric (limit {:.3g})\n",
-               fit.moved, fit.moved_max);
-  }
-  if (fit.strays()) {
-    fmt::print(
-        "NOT TO BE TRUSTED, and called an effective model: so far from the prior's robot its "
-        "records may say other things than is known of them; fit all records at once\n");
-  }
-  for (const std::string& cause : fit.causes) fmt::print("{}\n", cause);
-  if (fit.effective && fit.chi <= settings.chi_max && !fit.strays()) {
-    fmt::print("an EFFECTIVE model: it explains the records, but need not be the robot\n");
   }
 }
 
@@ -448,6 +389,63 @@ void PrintPrior(const FitInputs& inputs, const std::string& prior) {
       prior, inputs.earlier.missing);
 }
 
+/// A motion is played on its own robot with the masses and lengths that were identified: its feet,
+/// joints and limits have to be those of the identified one.
+/// @param urdf, name  of that.
+void CheckIsOfRobot(const std::string& motion, const std::string& urdf, const std::string& name) {
+  const SequenceFile file = LoadMotion(motion);
+  PrimitiveFile first = file.PrimitiveOf(file.graph.start);
+  const Scene scene = SimulatedMotion(file).scene();
+  first.provenance.robot_urdf = urdf;
+  first.provenance.robot_file = name;
+  const std::string difference = DifferenceOf(scene, TaskOf(first).problem.scene.robot);
+  if (difference.empty()) return;
+  throw std::invalid_argument(fmt::format(
+      "{}: is a motion of another robot than the one that was identified, {}: {}; give "
+      "a motion whose URDF differs from that in masses, centres of mass along the link's "
+      "x, inertias and lengths of links only",
+      motion, name, difference));
+}
+
+/// The drives of the records, with what was stated of their motors.
+PosteriorDrives DrivesOf(const FitInputs& inputs) {
+  PosteriorDrives drives = inputs.drives;
+  for (std::size_t j = 0; j < drives.of_joint.size(); ++j) {
+    const MotorFacts& stated = inputs.records.front().joints[j].motor;
+    PosteriorDrive& drive = drives.of_joint[j];
+    drive.torque_factor = stated.torque_factor;
+    drive.torque_time_constant_s = stated.torque_time_constant_s;
+    drive.velocity_filter_s = stated.velocity_filter_s;
+  }
+  return drives;
+}
+
+/// Whether robots fail in the motions that the robot has failed in, played with the drives of the
+/// records.
+class FailedMotions {
+ public:
+  FailedMotions(const std::vector<std::string>& motions, const FitInputs& inputs) {
+    if (motions.empty()) return;
+    const RecordedMotion& first = inputs.records.front();
+    for (const std::string& motion : motions)
+      CheckIsOfRobot(motion, first.robot_text, first.robot_file);
+    PosteriorFile like;
+    like.posterior = inputs.prior.known;
+    like.drives = DrivesOf(inputs);
+    std::string drives;
+    if (!inputs.drives_text.empty()) {
+      drives = (folder_.path() / fs::path(inputs.drives_file).filename()).string();
+      PendingFile(drives, inputs.drives_text).Commit();
+    }
+    fails_ = FailsInAll(motions, drives, like);
+  }
+  [[nodiscard]] const auto& fails() const { return fails_; }
+
+ private:
+  TemporaryFolder folder_;
+  std::function<bool(const std::vector<double>&)> fails_;
+};
+
 ExitStatus Fit(const IdentifyArguments& arguments) {
   std::atomic<bool>& end = EndOnSignals();
   FitInputs inputs = InputsOf(arguments);
@@ -459,6 +457,8 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   PrintPrior(inputs, arguments.prior);
   for (const auto* records : {&inputs.records, &inputs.held_out})
     for (const RecordedMotion& record : *records) PrintReadings(record);
+  const FailedMotions failed(arguments.failed, inputs);
+  settings.fails = failed.fails();
   const FitOutcome fit = FitRobot(inputs.records, inputs.prior, settings);
   if (fit.interrupted) {
     fmt::print(stderr, "interrupted: no file was written\n");
@@ -466,6 +466,13 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   }
   PrintFit(fit, settings);
   PrintFarOff(fit.posterior, inputs.prior.known);
+  if (settings.fails && !settings.fails(fit.posterior.mean)) {
+    fmt::print(
+        "warning: the model does not fail in {}, in which the robot failed: it is not to be "
+        "believed "
+        "where it stands\n",
+        fmt::join(arguments.failed, " and "));
+  }
   std::vector<FitResiduals> predicted;
   if (!inputs.held_out.empty()) {
     predicted = ResidualsOf(inputs.held_out, fit.posterior, settings.per_tick);
@@ -484,36 +491,16 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
     file.weight_kg = inputs.weight_kg;
     file.records = inputs.names;
     file.fingerprints = inputs.fingerprints;
-    file.drives = inputs.drives;
-    for (std::size_t j = 0; j < file.drives.of_joint.size(); ++j) {
-      const MotorFacts& stated = inputs.records.front().joints[j].motor;
-      PosteriorDrive& drive = file.drives.of_joint[j];
-      drive.torque_factor = stated.torque_factor;
-      drive.torque_time_constant_s = stated.torque_time_constant_s;
-      drive.velocity_filter_s = stated.velocity_filter_s;
-    }
+    file.drives = DrivesOf(inputs);
     WriteModel(arguments, file, inputs, IdentifyPage(fit, settings, predicted));
   }
   return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
-/// The gate plays a motion's own robot with the masses and lengths that were identified: its feet,
-/// joints and limits have to be those of the identified one, whose URDF is beside the posterior.
+/// Refuses a motion of another robot than that whose URDF is beside a posterior.
 void CheckIsIdentified(const std::string& motion, const std::string& posterior) {
-  const std::string urdf = (std::filesystem::path(posterior).parent_path() / "robot.urdf").string();
-  if (!std::filesystem::exists(urdf)) return;
-  const SequenceFile file = LoadMotion(motion);
-  PrimitiveFile first = file.PrimitiveOf(file.graph.start);
-  const Scene scene = SimulatedMotion(file).scene();
-  first.provenance.robot_urdf = ReadTextFile(urdf);
-  first.provenance.robot_file = urdf;
-  const std::string difference = DifferenceOf(scene, TaskOf(first).problem.scene.robot);
-  if (difference.empty()) return;
-  throw std::invalid_argument(fmt::format(
-      "{}: is a motion of another robot than the one that was identified, {}: {}; give "
-      "a motion whose URDF differs from that in masses, centres of mass along the link's "
-      "x, inertias and lengths of links only",
-      motion, urdf, difference));
+  const std::string urdf = (fs::path(posterior).parent_path() / "robot.urdf").string();
+  if (fs::exists(urdf)) CheckIsOfRobot(motion, ReadTextFile(urdf), urdf);
 }
 
 ExitStatus Gate(const IdentifyArguments& arguments) {
@@ -649,6 +636,11 @@ ExitStatus Main(int argc, char** argv) {
   fit.Option("--held-out", arguments.held_out,
              "A record that is not fitted, but predicted, for the page; once for each")
       .TakesOneValueEachTime();
+  fit.Option(
+         "--failed", arguments.failed,
+         "A motion that the robot has failed in: an effective model has to fail in it, too; may "
+         "be given more than once")
+      .TakesOneValueEachTime();
   fit.Option("--encoder-counts", arguments.encoder_counts,
              "Of the drives' encoders for a turn of their shaft; 0: exact")
       .Within(0, 1 << 26)
@@ -662,12 +654,11 @@ ExitStatus Main(int argc, char** argv) {
   gate.Option("--drives", arguments.drives,
               "Drives file of the run: the records' own, or with corrected zeros; without it, "
               "default drives with the motion's gains");
-  gate.Option(
-          "--draws", arguments.draws,
-          fmt::format("Robots at {} standard deviations, beside the mean; without it {}. Of an "
-                      "effective model at {}; without it {}",
-                      GateDraws{}.deviations, GateDraws{}.count, kDrawsOfEffective.deviations,
-                      kDrawsOfEffective.count))
+  gate.Option("--draws", arguments.draws,
+              fmt::format("Robots at {} standard deviations, beside the mean; without it {}. Of an "
+                          "effective model at {}; without it {}",
+                          GateDraws{}.deviations, GateDraws{}.count, kDrawsOfEffective.deviations,
+                          kDrawsOfEffective.count))
       .Within(0, 1000);
   gate.Option(
           "--failed", arguments.failed,

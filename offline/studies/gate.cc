@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <functional>
+#include <memory>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "common/core/index.h"
 #include "common/files/json.h"
@@ -48,8 +50,8 @@ constexpr int kDrawnForEach = 2;
 class GateRobots {
  public:
   GateRobots(const std::string& motion, const std::string& drives, const PosteriorFile& posterior,
-             const GateSettings& settings)
-      : settings_(settings), known_(posterior), trials_(StudyOf(motion, drives)) {
+             GateSettings settings = {})
+      : settings_(std::move(settings)), known_(posterior), trials_(StudyOf(motion, drives)) {
     if (known_.drives.of_joint.empty()) return;
     const PosteriorDrives played = FactsOf(trials_.drives());
     const std::string difference = DifferenceOf(played, known_.drives, false);
@@ -68,27 +70,34 @@ class GateRobots {
   /// @param number  0: the mean; from 1 on: a draw.
   [[nodiscard]] TrialOutcome Play(int number, double deviations) {
     const RobotPosterior& robots = known_.posterior;
-    const std::vector<double> coordinates =
-        number == 0 ? robots.mean
-                    : robots.Draw(deviations, settings_.seed, static_cast<std::uint64_t>(number));
-    RobotVariation robot = VariationOf(trials_.scene(), robots.quantities, coordinates);
-    OwnDrives(StatedIn(known_.drives), robots.quantities, robot);
-    TakeOff(trials_.robot().motors, robot);
-    if (number > 0) AddMargins(trials_.scene(), settings_, deviations, number, robot);
+    if (number == 0) return Play(robots.mean);
+    RobotVariation robot =
+        RobotOf(robots.Draw(deviations, settings_.seed, static_cast<std::uint64_t>(number)));
+    AddMargins(trials_.scene(), settings_, deviations, number, robot);
     return trials_.Play(robot);
+  }
+  [[nodiscard]] TrialOutcome Play(const std::vector<double>& coordinates) {
+    return trials_.Play(RobotOf(coordinates));
   }
 
  private:
+  [[nodiscard]] RobotVariation RobotOf(const std::vector<double>& coordinates) const {
+    const std::vector<RobotQuantity>& quantities = known_.posterior.quantities;
+    RobotVariation robot = VariationOf(trials_.scene(), quantities, coordinates);
+    OwnDrives(StatedIn(known_.drives), quantities, robot);
+    TakeOff(trials_.robot().motors, robot);
+    return robot;
+  }
   static RobustnessStudy StudyOf(const std::string& motion, const std::string& drives) {
     if (LoadMotion(motion).graph.edge_count > 0)
-      throw Refused(motion + ": goes on for ever; the gate takes motions that end, one by one");
+      throw Refused(motion + ": goes on for ever; give motions that end, one by one");
     RobustnessStudy study;
     study.motion = motion;
     study.drives = drives;
     return study;
   }
 
-  const GateSettings& settings_;
+  GateSettings settings_;
   PosteriorFile known_;
   Trials trials_;
 };
@@ -139,6 +148,18 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
     if (!is_left_out(number)) outcome.robots.push_back(asked.Play(number, deviations));
   }
   return outcome;
+}
+
+std::function<bool(const std::vector<double>&)> FailsInAll(const std::vector<std::string>& motions,
+                                                           const std::string& drives,
+                                                           const PosteriorFile& like) {
+  // A function can be copied, and trials cannot.
+  const auto robots = std::make_shared<std::vector<GateRobots>>();
+  for (const std::string& motion : motions) robots->emplace_back(motion, drives, like);
+  return [robots](const std::vector<double>& coordinates) {
+    return std::ranges::all_of(*robots,
+                               [&](GateRobots& in) { return in.Play(coordinates).fails(); });
+  };
 }
 
 std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,

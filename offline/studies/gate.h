@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -69,6 +70,12 @@ struct GateOutcome {
 ///         or joint of the posterior.
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
                      const PosteriorFile& posterior, const GateSettings& settings);
+
+/// Whether robots fail in all of several motions, as the gate plays them: for FitSettings::fails.
+/// @param like  quantities that the coordinates are of, and drives of the records.
+/// @throws  as PassGate.
+std::function<bool(const std::vector<double>& coordinates)> FailsInAll(
+    const std::vector<std::string>& motions, const std::string& drives, const PosteriorFile& like);
 
 /// What became of them as JSON.
 std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,

@@ -8,13 +8,14 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <variant>
 
 #include "common/core/functions.h"
 #include "offline/scene/normal.h"
-#include "offline/studies/recorded_replay.h"
+#include "offline/studies/fit_objective.h"
 #include "offline/studies/stated_motors.h"
 
 namespace tumbler {
@@ -24,14 +25,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Kind = RobotQuantity::Kind;
 
-/// Of a difference, in standard deviations of the prior.
-constexpr double kDifference = 0.01;
 /// Of the sandwich: as long as a bump of residuals.
 constexpr double kBlock_s = 0.05;
 /// An iteration that gains less than this part of the objective is the last of its noise.
 constexpr double kGain = 1e-4;
-
-Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
 /// By how much more than the sandwich says estimates of hidden robots scatter about the truth
 /// (docs/identify.md): by steps of the integrator, by rounding that stands still with the robot,
@@ -54,161 +51,6 @@ double WideningOf(Kind kind) {
   }
 }
 
-/// The objective of a fit: half the sum of squares of the residuals, and
-/// (w - c)^T P (w - c) / 2 of how far a robot is from what was known before. A robot is that of the
-/// prior's mean and w, in deviations of what was known before the first record.
-class Objective {
- public:
-  Objective(std::span<const RecordedMotion> records, const FitPrior& prior,
-            const FitSettings& settings)
-      : prior_(prior.known), settings_(settings), n_(prior_.size()) {
-    for (std::size_t i = 0; i < n_; ++i) {
-      const Kind kind = prior_.quantities[i].kind;
-      const bool positive =
-          kind == Kind::kDry || kind == Kind::kVelocityLag || kind == Kind::kTorqueLag;
-      deviations_.push_back(prior.first_deviations.empty() ? prior_.DeviationOf(i)
-                                                           : prior.first_deviations[i]);
-      least_.push_back(positive ? -prior_.mean[i] / deviations_[i]
-                                : -std::numeric_limits<double>::infinity());
-    }
-    SetPrior(prior.earlier);
-    for (const RecordedMotion& record : records) {
-      replays_.push_back(std::make_unique<RecordedReplay>(record, prior_.quantities));
-      rows_ += replays_.back()->count();
-    }
-    if (settings.weight_kg > 0 && !prior.weighed) {
-      ++rows_;
-      for (std::size_t i = 0; i < n_; ++i)
-        if (prior_.quantities[i].kind == Kind::kMass) masses_.push_back(i);
-    }
-  }
-
-  [[nodiscard]] std::size_t size() const { return n_; }
-  [[nodiscard]] int evaluations() const { return evaluations_; }
-  [[nodiscard]] const MatrixXd& precision() const { return precision_; }
-  /// Of the gradient of what was known before.
-  [[nodiscard]] const MatrixXd& gradient_covariance() const { return gradient_covariance_; }
-  [[nodiscard]] VectorXd PullOf(const VectorXd& w) const { return precision_ * (w - centre_); }
-  [[nodiscard]] const std::vector<double>& deviations() const { return deviations_; }
-  [[nodiscard]] const std::vector<std::unique_ptr<RecordedReplay>>& replays() const {
-    return replays_;
-  }
-
-  [[nodiscard]] std::vector<double> CoordinatesOf(const VectorXd& w) const {
-    std::vector<double> z = prior_.mean;
-    for (std::size_t i = 0; i < n_; ++i) z[i] += deviations_[i] * w[ToIndex(i)];
-    return z;
-  }
-  /// Deviations with friction and filters that are nowhere negative.
-  [[nodiscard]] VectorXd Allowed(VectorXd w) const {
-    for (std::size_t i = 0; i < n_; ++i) w[ToIndex(i)] = std::max(w[ToIndex(i)], least_[i]);
-    return w;
-  }
-  [[nodiscard]] double ValueOf(const VectorXd& residuals, const VectorXd& w, double noise) const {
-    return 0.5 * (residuals.squaredNorm() / (noise * noise) + (w - centre_).dot(PullOf(w)));
-  }
-
-  /// The step that minimises s^T A s / 2 + g^T s, where no friction and no filter gets negative:
-  /// what would is held at 0, and the others are solved for again.
-  [[nodiscard]] VectorXd StepOf(const MatrixXd& A, const VectorXd& g, const VectorXd& w) const {
-    VectorXd step = VectorXd::Zero(w.size());
-    std::vector<bool> held(n_, false);
-    for (int round = 0; round < 4; ++round) {
-      std::vector<Eigen::Index> free;
-      for (std::size_t i = 0; i < n_; ++i)
-        if (!held[i]) free.push_back(ToIndex(i));
-      const MatrixXd of_free = A(free, free);
-      VectorXd right = -g(free);
-      for (std::size_t i = 0; i < n_; ++i)
-        if (held[i]) right -= A(free, ToIndex(i)) * step[ToIndex(i)];
-      const VectorXd solved = of_free.ldlt().solve(right);
-      step(free) = solved;
-      bool again = false;
-      for (const Eigen::Index i : free) {
-        const double least = least_[static_cast<std::size_t>(i)] - w[i];
-        if (step[i] >= least) continue;
-        step[i] = least;
-        held[static_cast<std::size_t>(i)] = again = true;
-      }
-      if (!again) break;
-    }
-    return step;
-  }
-
-  /// Residuals of robots, a column each.
-  [[nodiscard]] MatrixXd Residuals(const std::vector<VectorXd>& robots, int per_tick) {
-    std::vector<std::vector<double>> coordinates;
-    for (const VectorXd& u : robots) coordinates.push_back(CoordinatesOf(u));
-    MatrixXd all(ToIndex(rows_), ToIndex(robots.size()));
-    Eigen::Index row = 0;
-    for (const auto& replay : replays_) {
-      const auto residuals = replay->Play(coordinates, per_tick);
-      for (std::size_t r = 0; r < robots.size(); ++r) {
-        all.block(row, ToIndex(r), ToIndex(replay->count()), 1) =
-            Eigen::Map<const VectorXd>(residuals.of_robot[r].data(), ToIndex(replay->count()));
-      }
-      row += ToIndex(replay->count());
-    }
-    if (!masses_.empty()) {
-      for (std::size_t r = 0; r < robots.size(); ++r) {
-        double total = 0;
-        for (const std::size_t i : masses_) total += portable::Exp(coordinates[r][i]);
-        all(row, ToIndex(r)) = portable::Log(total / settings_.weight_kg) / settings_.weight_sd;
-      }
-    }
-    evaluations_ += static_cast<int>(robots.size());
-    return all;
-  }
-
-  /// Derivatives of the residuals, by forward differences.
-  [[nodiscard]] MatrixXd Derivatives(const VectorXd& u, int per_tick) {
-    std::vector<VectorXd> robots = {u};
-    for (std::size_t i = 0; i < n_; ++i) {
-      robots.push_back(u);
-      robots.back()[ToIndex(i)] += kDifference;
-    }
-    const MatrixXd all = Residuals(robots, per_tick);
-    const VectorXd base = all.col(0);
-    return (all.rightCols(ToIndex(n_)).colwise() - base) / kDifference;
-  }
-
- private:
-  void SetPrior(const RobotInformation& earlier) {
-    const Eigen::Index n = ToIndex(n_);
-    centre_ = VectorXd::Zero(n);
-    const Eigen::Map<const VectorXd> scale(deviations_.data(), n);
-    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    const auto scaled = [&](const std::vector<double>& matrix) -> MatrixXd {
-      return scale.asDiagonal() * Eigen::Map<const Rows>(matrix.data(), n, n) * scale.asDiagonal();
-    };
-    if (!earlier.empty()) {
-      for (std::size_t i = 0; i < n_; ++i)
-        centre_[ToIndex(i)] = (earlier.centre[i] - prior_.mean[i]) / deviations_[i];
-      precision_ = scaled(earlier.hessian);
-      gradient_covariance_ = scaled(earlier.gradient_covariance);
-      return;
-    }
-    const VectorXd inverse = scale.cwiseInverse();
-    MatrixXd correlations = inverse.asDiagonal() *
-                            Eigen::Map<const Rows>(prior_.covariance.data(), n, n) *
-                            inverse.asDiagonal();
-    constexpr double kRounding = 1e-9;
-    correlations.diagonal().array() += kRounding;
-    precision_ = correlations.ldlt().solve(MatrixXd::Identity(n, n));
-    gradient_covariance_ = precision_;
-  }
-
-  const RobotPosterior& prior_;
-  const FitSettings& settings_;
-  std::size_t n_, rows_ = 0;
-  std::vector<double> deviations_, least_;
-  VectorXd centre_;
-  MatrixXd precision_, gradient_covariance_;
-  std::vector<std::size_t> masses_;
-  std::vector<std::unique_ptr<RecordedReplay>> replays_;
-  int evaluations_ = 0;
-};
-
 /// Where a fit got to.
 struct Found {
   VectorXd u, residuals;
@@ -217,7 +59,7 @@ struct Found {
 
 class Fitter {
  public:
-  Fitter(Objective& objective, const FitSettings& settings)
+  Fitter(FitObjective& objective, const FitSettings& settings)
       : objective_(objective), settings_(settings) {}
 
   Found From(VectorXd u) {
@@ -248,29 +90,16 @@ class Fitter {
   /// Goes on from a robot that is drawn about one: the one that is better by the most than
   /// derivatives say. Between a robot that stands in a record and one that falls in it none leads.
   Found Across(double noise, const Found& from) {
-    constexpr std::size_t kDrawn = 192;
-    constexpr double kScale = 2;  // standard deviations
-    const MatrixXd J = objective_.Derivatives(from.u, settings_.per_tick) / noise;
-    const Eigen::LLT<MatrixXd> factor(J.transpose() * J + objective_.precision());
-    std::vector<VectorXd> robots;
-    std::vector<double> expected;
-    for (std::size_t i = 0; i < kDrawn; ++i) {
-      Normal normal(1, i);
-      VectorXd u(from.u.size());
-      for (double& number : u) number = kScale * normal.Draw();
-      expected.push_back(0.5 * u.squaredNorm());
-      factor.matrixU().solveInPlace(u);
-      robots.push_back(objective_.Allowed(from.u + u));
-    }
-    const MatrixXd residuals = objective_.Residuals(robots, settings_.per_tick);
+    const Drawn drawn = DrawAbout(from, noise);
     double least = std::numeric_limits<double>::infinity();
     VectorXd best = from.u;
     for (std::size_t i = 0; i < kDrawn; ++i) {
       const double more =
-          objective_.ValueOf(residuals.col(ToIndex(i)), robots[i], noise) - expected[i];
+          objective_.ValueOf(drawn.residuals.col(ToIndex(i)), drawn.robots[i], noise) -
+          drawn.expected[i];
       if (more >= least) continue;
       least = more;
-      best = robots[i];
+      best = drawn.robots[i];
     }
     Found found;
     Descend(noise, settings_.iterations, best, found);
@@ -279,11 +108,68 @@ class Fitter {
     return value < objective_.ValueOf(from.residuals, from.u, noise) ? found : from;
   }
 
+  /// Goes on from a robot that is drawn about one that does not fail where the robot did: the best
+  /// of those that do, and from there as long as it does. Where none of the best is found that
+  /// does, that one stays.
+  Found ToOneThatFails(double noise, const Found& from) {
+    constexpr std::size_t kAsked = 64;
+    const Drawn drawn = DrawAbout(from, noise);
+    std::vector<std::size_t> order(kDrawn);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, {}, [&](std::size_t i) {
+      return objective_.ValueOf(drawn.residuals.col(ToIndex(i)), drawn.robots[i], noise);
+    });
+    order.resize(kAsked);
+    for (const std::size_t i : order) {
+      if (Interrupted()) break;
+      if (!Fails(drawn.robots[i])) continue;
+      Found found{drawn.robots[i], drawn.residuals.col(ToIndex(i))};
+      for (int step = 0; step < settings_.iterations && !Interrupted(); ++step) {
+        VectorXd u = found.u;
+        Found next = found;
+        const bool goes_on = Step(u, noise, next);
+        if (!Fails(next.u)) break;
+        found = next;
+        if (!goes_on) break;
+      }
+      return found;
+    }
+    return from;
+  }
+  /// Whether a robot fails where the robot did.
+  [[nodiscard]] bool Fails(const VectorXd& u) const {
+    return !settings_.fails || settings_.fails(objective_.CoordinatesOf(u));
+  }
+
   [[nodiscard]] bool Interrupted() const {
     return settings_.interrupt != nullptr && *settings_.interrupt;
   }
 
  private:
+  static constexpr std::size_t kDrawn = 192;
+  /// Robots that are drawn about one, at two standard deviations.
+  struct Drawn {
+    std::vector<VectorXd> robots;
+    MatrixXd residuals;            ///< A column each.
+    std::vector<double> expected;  ///< By how much derivatives say that each is worse.
+  };
+  Drawn DrawAbout(const Found& from, double noise) {
+    constexpr double kScale = 2;
+    const MatrixXd J = objective_.Derivatives(from.u, settings_.per_tick) / noise;
+    const Eigen::LLT<MatrixXd> factor(J.transpose() * J + objective_.precision());
+    Drawn drawn;
+    for (std::size_t i = 0; i < kDrawn; ++i) {
+      Normal normal(1, i);
+      VectorXd u(from.u.size());
+      for (double& number : u) number = kScale * normal.Draw();
+      drawn.expected.push_back(0.5 * u.squaredNorm());
+      factor.matrixU().solveInPlace(u);
+      drawn.robots.push_back(objective_.Allowed(from.u + u));
+    }
+    drawn.residuals = objective_.Residuals(drawn.robots, settings_.per_tick);
+    return drawn;
+  }
+
   void Descend(double noise, int iterations, VectorXd& u, Found& found) {
     for (int i = 0; i < iterations && !Interrupted(); ++i) {
       if (!Step(u, noise, found)) break;
@@ -340,11 +226,11 @@ class Fitter {
     return before - best > kGain * before;
   }
 
-  Objective& objective_;
+  FitObjective& objective_;
   const FitSettings& settings_;
 };
 
-std::vector<FitResiduals> Split(const Objective& objective, const VectorXd& residuals) {
+std::vector<FitResiduals> Split(const FitObjective& objective, const VectorXd& residuals) {
   std::vector<FitResiduals> split;
   Eigen::Index row = 0;
   for (const auto& replay : objective.replays()) {
@@ -417,7 +303,7 @@ struct Effective {
 /// What a model does not explain is no noise of single readings. It is as large as the residuals
 /// are, and lasts for a bump of them, which says as much as one reading. Without it such a robot is
 /// far from any that could have been built, for little that its residuals gain.
-Effective FitEffective(Objective& objective, double tick_s, Fitter& fitter, const Found& best) {
+Effective FitEffective(FitObjective& objective, double tick_s, Fitter& fitter, const Found& best) {
   constexpr int kRounds = 3;
   constexpr double kGains = 0.8;  // Of the residuals, for another round.
   Effective effective{best};
@@ -430,11 +316,13 @@ Effective FitEffective(Objective& objective, double tick_s, Fitter& fitter, cons
     chi = ChiOf(Split(objective, effective.found.residuals));
     if (chi > kGains * before) break;
   }
+  if (!fitter.Interrupted() && !fitter.Fails(effective.found.u))
+    effective.found = fitter.ToOneThatFails(effective.noise, effective.found);
   return effective;
 }
 
 /// Moves a solution by a step with derivatives in the steps of its residuals.
-void Refine(Objective& objective, const MatrixXd& J, double noise, const FitSettings& settings,
+void Refine(FitObjective& objective, const MatrixXd& J, double noise, const FitSettings& settings,
             Found& found) {
   const double weight = 1 / (noise * noise);
   const MatrixXd A = weight * J.transpose() * J + objective.precision();
@@ -456,7 +344,7 @@ struct About {
 };
 
 /// @param J  derivatives there.
-About LookAbout(Objective& objective, const MatrixXd& J, double noise, const Found& found) {
+About LookAbout(FitObjective& objective, const MatrixXd& J, double noise, const Found& found) {
   const double weight = 1 / (noise * noise);
   About about;
   about.hessian = weight * J.transpose() * J + objective.precision();
@@ -500,7 +388,7 @@ MatrixXd Sandwich(const About& about) {
   return 0.5 * (covariance + covariance.transpose());
 }
 
-RobotInformation InformationOf(const Objective& objective, const About& about) {
+RobotInformation InformationOf(const FitObjective& objective, const About& about) {
   RobotInformation information;
   information.centre = objective.CoordinatesOf(about.centre);
   const std::vector<double>& deviations = objective.deviations();
@@ -607,7 +495,7 @@ VectorXd GrowFromFirst(std::span<const RecordedMotion> records, const FitPrior& 
   FitSettings of = settings;
   VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
   for (std::size_t count = 1; count < records.size(); ++count) {
-    Objective objective(records.first(count), prior, of);
+    FitObjective objective(records.first(count), prior, of);
     Fitter fitter(objective, of);
     u = fitter.From(objective.Allowed(u)).u;
     of.annealing = {kNear, 1};
@@ -624,7 +512,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   FitOutcome outcome;
   outcome.prior = prior.known;
   outcome.weighed = settings.weight_kg > 0 || prior.weighed;
-  Objective objective(records, prior, settings);
+  FitObjective objective(records, prior, settings);
   Fitter fitter(objective, settings);
   Found best;
   const auto chi_of = [&](const Found& found) { return ChiOf(Split(objective, found.residuals)); };
@@ -652,8 +540,8 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   if (best.u.size() == 0) return outcome;
   double noise = 1;
   const FitPrior any_ground = WithAnyGround(prior);
-  std::optional<Objective> of_effective;
-  Objective* last = &objective;  // the one that the outcome is the minimum of
+  std::optional<FitObjective> of_effective;
+  FitObjective* last = &objective;  // the one that the outcome is the minimum of
   if (chi_of(best) > settings.chi_max && !outcome.interrupted) {
     of_effective.emplace(records, any_ground, settings);
     Fitter effective_fitter(*of_effective, settings);
@@ -674,9 +562,13 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     }
   }
   MatrixXd J = last->Derivatives(best.u, settings.per_tick);
-  Refine(*last, J, noise, settings, best);
-  J = last->Derivatives(best.u, settings.per_tick);
-  Refine(*last, J, noise, settings, best);
+  for (int step = 0; step < 2; ++step) {
+    Found refined = best;
+    Refine(*last, J, noise, settings, refined);
+    if (last != &objective && fitter.Fails(best.u) && !fitter.Fails(refined.u)) break;
+    best = refined;
+    if (step == 0) J = last->Derivatives(best.u, settings.per_tick);
+  }
   outcome.records = Split(*last, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
@@ -713,7 +605,7 @@ std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
                                       const RobotPosterior& robot, int per_tick) {
   const FitSettings settings;
   const FitPrior prior{robot, {}, {}};
-  Objective objective(records, prior, settings);
+  FitObjective objective(records, prior, settings);
   const VectorXd mean = VectorXd::Zero(ToIndex(robot.size()));
   return Split(objective, objective.Residuals({mean}, per_tick).col(0));
 }

@@ -330,7 +330,13 @@ Study::Known Study::Fit(const testing::HiddenRobot& robot, const std::string& fo
     const Scene varied = Varied(runs_.front().scene(), robot.variation);
     for (const auto& dof : varied.robot.tree.dofs) known.settings.weight_kg += dof.mass_kg;
   }
-  known.fit = FitRobot(known.records, PriorOfRecords(known.records, weighed), known.settings);
+  const FitPrior prior = PriorOfRecords(known.records, weighed);
+  if (settings_.tried && !stood_) {
+    PosteriorFile like;
+    like.posterior = prior.known;
+    known.settings.fails = FailsInAll({settings_.guesses.front()}, settings_.drives, like);
+  }
+  known.fit = FitRobot(known.records, prior, known.settings);
   cpu_.push_back(cpu_s + CpuSeconds() - start);
   fmt::print("  fitted in {:.2f} s\n", cpu_.back());
   return known;

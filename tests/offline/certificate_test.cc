@@ -46,6 +46,15 @@ CostsOf EachBy(Cost cost) {
   };
 }
 
+TEST(Certificate, OfAMotionWhoseGradientIsNoNumberCanBeWritten) {
+  const Solved& s = TheSolution();
+  Solution best = s.best;
+  best.kkt.absolute = std::numeric_limits<double>::quiet_NaN();
+  const PrimitiveFile file = MakePrimitiveFile(s.task, s.outcome, best);
+  EXPECT_EQ(file.certificate.projected_gradient, 1e9);
+  EXPECT_NO_THROW(ParsePrimitive(ToToml(file), "written"));
+}
+
 TEST(DifferentiateBeside, FindsTheRolloutsGradientRightAtEveryStep) {
   const Solved& s = TheSolution();
   const GradientCheck check = DifferentiateBeside(s.task.problem, s.best.x).check;

@@ -303,6 +303,23 @@ TEST(IdentifyProgram, TheGateRefusesAMotionOfARobotWithOtherFeetThanTheIdentifie
   }
 }
 
+TEST(IdentifyProgram, AFitSaysThatItsModelDoesNotFailWhereTheRobotDid) {
+  const Records& of = Shared();
+  const Outcome stands = Identify({"fit", of.back(), "--failed", kStand});
+  EXPECT_EQ(stands.exit_code, 0) << stands.text;
+  EXPECT_THAT(stands.text, HasSubstr("warning: the model does not fail in " + kStand));
+  const testing::TemporaryFolder folder;
+  for (const auto& [motion, why] : {std::pair("primitives/hopper/hop_up.toml", "joint"),
+                                    std::pair("primitives/gait.toml", "goes on for ever"),
+                                    std::pair("primitives/absent.toml", "cannot be opened")}) {
+    const Outcome refused =
+        Identify({"fit", of.back(), "--failed", SourcePath(motion), "--out", folder / "model"});
+    EXPECT_NE(refused.exit_code, 0) << motion;
+    EXPECT_THAT(refused.text, HasSubstr(why)) << motion;
+    EXPECT_FALSE(fs::exists(folder / "model")) << motion;
+  }
+}
+
 TEST(IdentifyProgram, AFolderIsAsItWasWhereItsPageCannotBeWritten) {
   const Records& of = Shared();
   const testing::TemporaryFolder folder;

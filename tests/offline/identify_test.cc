@@ -262,6 +262,34 @@ TEST(Identify, RepliesOfATickLaterMakeAnEffectiveModel) {
   }
 }
 
+TEST(Identify, AnEffectiveModelFailsWhereTheRobotDid) {
+  std::vector<RecordedMotion> records =
+      RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 5));
+  records.resize(1);
+  for (std::size_t k = 0; k < records[0].ticks.size(); ++k) {  // what no robot does
+    for (std::size_t j = 0; j < records[0].joint_count(); ++j)
+      records[0].ticks[k][j].reading_rad += 1e-3 * std::sin(0.3 * static_cast<double>(k));
+  }
+  const FitPrior prior = PriorOfRecords(records, false);
+  FitSettings settings;
+  settings.starts = 1;
+  settings.per_tick = settings.per_tick_rough;
+  const FitOutcome any = FitRobot(records, prior, settings);
+  ASSERT_TRUE(any.effective) << any.chi;
+  // Let robots fail whose friction is less than what was found by a standard deviation.
+  const auto friction = static_cast<std::size_t>(
+      std::ranges::find(prior.known.quantities, Kind::kFriction, &RobotQuantity::kind) -
+      prior.known.quantities.begin());
+  const double limit = any.posterior.mean[friction] - any.posterior.DeviationOf(friction);
+  settings.fails = [&](const std::vector<double>& z) { return z[friction] < limit; };
+  const FitOutcome fit = FitRobot(records, prior, settings);
+  EXPECT_LT(fit.posterior.mean[friction], limit);
+  EXPECT_LT(fit.chi, 2 * any.chi) << "it explains the record nearly as well";
+  // Where no robot does, it is as without.
+  settings.fails = [](const std::vector<double>&) { return false; };
+  EXPECT_EQ(FitRobot(records, prior, settings).posterior.mean, any.posterior.mean);
+}
+
 TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
   const testing::TemporaryFolder folder;
   const std::string whole = folder / "whole.rec", cut = folder / "cut.rec";
