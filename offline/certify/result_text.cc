@@ -142,8 +142,22 @@ void PrintThroughDrives(std::FILE* people, const TaskResult& result) {
              drives, missed);
 }
 
-/// Prints how many robots that differ a motion in space serves.
+/// Prints how many robots that differ a motion serves.
 void PrintRobust(std::FILE* people, const TaskResult& result) {
+  if (result.best.robots) {
+    const RobotsCarried& robots = *result.best.robots;
+    const RobustSettings& settings = *result.problem().robust;
+    fmt::print(
+        people,
+        "  of {} robots{}{}, which the search has not met, {} come to rest as asked; tumbler "
+        "robustness looks at all that a run does\n",
+        robots.of,
+        settings.spreads.posterior
+            ? fmt::format(" of the posterior at {:.3g} standard deviations", robots.scale)
+            : fmt::format(" at {:.3g} times the spreads", robots.scale),
+        result.task.complement.empty() ? "" : " that the other motions do not carry",
+        robots.carried);
+  }
   if (!result.robust) return;
   const RobotsAsAsked& robust = *result.robust;
   fmt::print(

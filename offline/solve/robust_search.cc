@@ -178,6 +178,20 @@ class RobustSearch {
                                : FindHold(x, task_.settings.polish_robots);
   }
 
+  /// How many robots a motion carries that the search has not met; none where a feedback is asked
+  /// for, which has a say in that, or the motion cannot be played.
+  [[nodiscard]] std::optional<RobotsCarried> CarriedBy(const Candidate& candidate) const {
+    if (task_.settings.feedback || interrupted()) return std::nullopt;
+    constexpr int kSeries = 2;  // of none of the search
+    const std::vector<double> losses =
+        ranking_.LossesOfRobots(candidate.x, PolishingRobots(1, kSeries));
+    if (losses.empty()) return std::nullopt;
+    const auto carried =
+        std::ranges::count_if(losses, [](double loss) { return loss < RobotLoss::kCarried; });
+    return RobotsCarried{static_cast<int>(carried), static_cast<int>(losses.size()),
+                         task_.settings.polish_scale};
+  }
+
   /// Whether nothing was searched: the guess is as it was given.
   [[nodiscard]] bool as_it_is() const { return as_it_is_; }
   [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
@@ -208,7 +222,7 @@ class RobustSearch {
     return DrawEnsemble(task_, draw, which);
   }
   /// The robots of the last improvement, or a part of them.
-  /// @param series  of robots: 0, or 1 for others than those.
+  /// @param series  of robots: 0, or another number for others than those.
   [[nodiscard]] Ensemble PolishingRobots(int part, int series = 0) const {
     const bool rough = task_.tunes() && part > 1;  // the last round corrects what that takes wrong
     return MakeEnsemble(
@@ -610,6 +624,7 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     solution.duration_s = of_motion.duration_s;
     // A feedback takes as long to find as a motion: the best one gets it.
     if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
+    if (i == 0) solution.robots = search.CarriedBy(found[i]);
     solution.end = search.as_it_is()      ? SolveEnd::kTaken
                    : search.interrupted() ? SolveEnd::kInterrupted
                                           : SolveEnd::kGenerations;

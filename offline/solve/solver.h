@@ -63,6 +63,12 @@ const char* ToString(SolveEnd end);
 /// (for a position, in rad).
 inline constexpr double kNoViolation = 1e-6;
 
+/// Robots that the search for a motion has not met, and how many of them come to rest as asked.
+struct RobotsCarried {
+  int carried = 0, of = 0;
+  double scale = 1;  ///< Of the task's spreads; of a posterior, in standard deviations.
+};
+
 /// A motion that the solver returned. It was evaluated again, so that nothing rests on the solver's
 /// word.
 struct Solution {
@@ -97,6 +103,8 @@ struct Solution {
   bool refused = false;
   /// Whether it was accepted, and `SolveOptions::calm` says that a cliff of the cost is near.
   bool beside_cliff = false;
+  /// Of a motion that was found for robots that differ: how many others it carries.
+  std::optional<RobotsCarried> robots;
 
   /// Whether all limits hold, and the contact model with them.
   [[nodiscard]] bool feasible() const {

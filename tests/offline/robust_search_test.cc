@@ -180,6 +180,26 @@ TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
   EXPECT_LE(polished.history.back().cost, 0.2);
 }
 
+TEST(RobustSearch, SaysHowManyRobotsItsMotionCarriesThatItHasNotMet) {
+  Problem problem = ProblemOf(QuickRobustTask("zero_rad = 0.02\n"));
+  problem.robust->polish_robots = 64;
+  const SolveOutcome found = SolveRobust(problem, {});
+  ASSERT_TRUE(found.solutions.front().robots);
+  EXPECT_EQ(found.solutions.front().robots->of, 64);
+  EXPECT_EQ(found.solutions.front().robots->scale, problem.robust->polish_scale);
+  EXPECT_GT(found.solutions.front().robots->carried, 32);
+  for (std::size_t i = 1; i < found.solutions.size(); ++i)
+    EXPECT_FALSE(found.solutions[i].robots) << i;
+  // Of robots whose joints are elsewhere the same motion carries few.
+  const std::vector<double> guess = found.solutions.front().x;
+  problem = ProblemOf(QuickRobustTask("zero_rad = 1\n"));
+  problem.robust->polish_robots = 64;
+  problem.robust->generations = 0;
+  const SolveOutcome elsewhere = SolveRobust(problem, {}, guess);
+  ASSERT_TRUE(elsewhere.solutions.front().robots);
+  EXPECT_LT(elsewhere.solutions.front().robots->carried, 16);
+}
+
 TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
   Problem problem = ProblemOf(QuickRobustTask("zero_rad = 0.05\n"));
   std::vector<double> guess = StraightPaths(problem);
@@ -227,6 +247,7 @@ TEST(RobustSearch, AFeedbackIsFoundWithThePath) {
   ASSERT_FALSE(outcome.solutions.empty());
   const Feedback<double>& feedback = outcome.solutions.front().feedback;
   ASSERT_TRUE(feedback.present());
+  EXPECT_FALSE(outcome.solutions.front().robots) << "it has a say in what robots do";
   EXPECT_EQ(feedback.link.view(), "leg2_link");
   ASSERT_EQ(feedback.knot_count, 5) << "those of the motion, and two of the hold";
   EXPECT_EQ(feedback.knots_s[2], problem.duration_s);
