@@ -2,7 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
+
+#include "common/core/index.h"
+#include "offline/studies/identified_drives.h"
 
 namespace tumbler {
 
@@ -65,6 +70,70 @@ void PrintFit(const FitOutcome& fit, const FitSettings& settings) {
   if (fit.effective && fit.chi <= settings.chi_max && !fit.strays()) {
     fmt::print("an EFFECTIVE model: it explains the records, but need not be the robot\n");
   }
+}
+
+void PrintGate(std::FILE* people, const GateOutcome& outcome, const GateSettings& settings,
+               const PosteriorFile& file, const GateFiles& names) {
+  fmt::print(people, "drives: {}, {:.6g} Hz\n",
+             names.drives.empty()
+                 ? "the default ones, with the motion's gains (no --drives was given)"
+                 : names.drives,
+             outcome.drives.rate_hz);
+  for (const PosteriorDrive& drive : FactsOf(outcome.drives).of_joint) {
+    fmt::print(people, "  {}: {}, kp {:.6g} N m/rad, kd {:.6g} N m s/rad, zero offset {:.6g} rad\n",
+               drive.joint, drive.protocol, drive.kp_nm_per_rad, drive.kd_nm_s_per_rad,
+               drive.zero_offset_rad);
+  }
+  if (file.drives.of_joint.empty()) {
+    fmt::print(
+        people,
+        "  the posterior does not say with which drives its records were made; give theirs\n");
+  }
+  fmt::print(people,
+             "twin: robot, ground and motors of {}; all else as in tumbler run sim without a twin "
+             "file\n",
+             names.posterior);
+  fmt::print(people,
+             "draws: {} robots at {:.3g} standard deviations{}, with margins of {:.3g} % in torque "
+             "limits, {:.3g} ms in delay\n",
+             outcome.robots.size() - 1, outcome.draws.deviations,
+             outcome.left_out() == 0
+                 ? ""
+                 : fmt::format(" of {} that were drawn",
+                               outcome.robots.size() - 1 + Index(outcome.left_out())),
+             100 * settings.margins.torque_limit, 1e3 * settings.margins.delay_s);
+  if (file.effective) {
+    fmt::print(people,
+               "the posterior is of an effective model, which did not explain its records\n");
+  }
+  for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
+    const TrialOutcome& robot = outcome.robots[i];
+    fmt::print(people, "{}: {}{}\n",
+               i == 0
+                   ? std::string("the robot that was identified")
+                   : fmt::format("a robot at {:.3g} standard deviations", outcome.draws.deviations),
+               ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
+  }
+  for (const FailedMotion& failed : outcome.failed) {
+    fmt::print(people, "{}, in which the robot failed: the robot that was identified {}{}\n",
+               failed.motion, failed.mean_fails ? "fails, too" : "does not fail",
+               failed.left_out == 0
+                   ? ""
+                   : fmt::format("; draws left out because they do not: {}", failed.left_out));
+  }
+  if (!std::ranges::all_of(outcome.failed, &FailedMotion::mean_fails)) {
+    fmt::print(people,
+               "the model does not fail where the robot did, and is not to be believed; fit the "
+               "record of that run, too, with --failed\n");
+  } else if (!outcome.credible()) {
+    fmt::print(people,
+               "most robots that the posterior allows do not fail where the robot did: it does not "
+               "know why that was; record more motions, and fit with --failed\n");
+  }
+  fmt::print(people, "{}\n",
+             outcome.open()
+                 ? "the gate is open: try the motion on the robot, and keep it if it stands"
+                 : "the gate is closed: do not try the motion on the robot");
 }
 
 }  // namespace tumbler

@@ -1,12 +1,17 @@
 #pragma once
 
+#include <cstdio>
+#include <string>
+
+#include "offline/problem/posterior_toml.h"
 #include "offline/scene/robot_posterior.h"
+#include "offline/studies/gate.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/robot_fit.h"
 
 namespace tumbler {
 
-/// What tumbler identify fit prints for people.
+/// What tumbler identify prints for people.
 
 /// What is used of a record.
 void PrintReadings(const RecordedMotion& record);
@@ -14,5 +19,14 @@ void PrintReadings(const RecordedMotion& record);
 void PrintFit(const FitOutcome& fit, const FitSettings& settings);
 /// Quantities that are far from what was known of them before.
 void PrintFarOff(const RobotPosterior& posterior, const RobotPosterior& prior);
+
+/// Names of files that a gate was given.
+struct GateFiles {
+  std::string posterior, drives;  ///< No drives: the default ones.
+};
+/// What the gate played, what became of it, and whether it is open.
+/// @param file  the posterior.
+void PrintGate(std::FILE* people, const GateOutcome& outcome, const GateSettings& settings,
+               const PosteriorFile& file, const GateFiles& names);
 
 }  // namespace tumbler

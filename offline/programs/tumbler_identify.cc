@@ -14,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/core/index.h"
 #include "common/files/command_line.h"
 #include "common/files/held_results.h"
 #include "common/files/program.h"
@@ -41,7 +42,7 @@ constexpr const char* kIdentifyExitCodes =
     R"(Exit codes:
   0    done; gate: it is open
   1    wrong usage, or a file that cannot be used or written: nothing was written
-  2    excite: no motion is safe
+  2    excite: no motion is safe; fit, gate: a motion cannot be played so
   4    fit: the records are not explained, the model is an effective one; gate: it is closed
   130  interrupted)";
 
@@ -401,7 +402,7 @@ void CheckIsOfRobot(const std::string& motion, const std::string& urdf, const st
   const std::string difference = DifferenceOf(scene, TaskOf(first).problem.scene.robot);
   if (difference.empty()) return;
   throw std::invalid_argument(fmt::format(
-      "{}: is a motion of another robot than the one that was identified, {}: {}; give "
+      "{}: is a motion of another robot than that of {}: {}; give "
       "a motion whose URDF differs from that in masses, centres of mass along the link's "
       "x, inertias and lengths of links only",
       motion, name, difference));
@@ -420,31 +421,45 @@ PosteriorDrives DrivesOf(const FitInputs& inputs) {
   return drives;
 }
 
-/// Whether robots fail in the motions that the robot has failed in, played with the drives of the
-/// records.
-class FailedMotions {
- public:
-  FailedMotions(const std::vector<std::string>& motions, const FitInputs& inputs) {
-    if (motions.empty()) return;
-    const RecordedMotion& first = inputs.records.front();
-    for (const std::string& motion : motions)
-      CheckIsOfRobot(motion, first.robot_text, first.robot_file);
-    PosteriorFile like;
-    like.posterior = inputs.prior.known;
-    like.drives = DrivesOf(inputs);
-    std::string drives;
-    if (!inputs.drives_text.empty()) {
-      drives = (folder_.path() / fs::path(inputs.drives_file).filename()).string();
-      PendingFile(drives, inputs.drives_text).Commit();
-    }
-    fails_ = FailsInAll(motions, drives, like);
-  }
-  [[nodiscard]] const auto& fails() const { return fails_; }
-
- private:
-  TemporaryFolder folder_;
-  std::function<bool(const std::vector<double>&)> fails_;
+/// A motion that the robot has failed in.
+struct FailedIn {
+  std::string motion;
+  std::function<bool(const std::vector<double>&)> fails;  ///< See FailsIn.
 };
+
+/// Motions that the robot has failed in, played with the drives of the records.
+std::vector<FailedIn> FailedMotions(const std::vector<std::string>& motions,
+                                    const FitInputs& inputs) {
+  if (motions.empty()) return {};
+  const RecordedMotion& first = inputs.records.front();
+  PosteriorFile like;
+  like.posterior = inputs.prior.known;
+  like.drives = DrivesOf(inputs);
+  const TemporaryFolder folder;  // The drives are read when the functions are made.
+  std::string drives;
+  if (!inputs.drives_text.empty()) {
+    drives = (folder.path() / fs::path(inputs.drives_file).filename()).string();
+    PendingFile(drives, inputs.drives_text).Commit();
+  }
+  std::vector<FailedIn> failed;
+  for (const std::string& motion : motions) {
+    CheckIsOfRobot(motion, first.robot_text, first.robot_file);
+    failed.push_back({motion, FailsIn(motion, drives, like)});
+  }
+  return failed;
+}
+
+/// Warns of a model that does not fail where the robot did.
+void PrintNotFailed(const std::vector<FailedIn>& failed, const RobotPosterior& posterior) {
+  for (const FailedIn& in : failed) {
+    if (in.fails(posterior.mean)) continue;
+    fmt::print(
+        "warning: the model does not fail in {}, in which the robot failed: it is not to be "
+        "believed "
+        "where it stands\n",
+        in.motion);
+  }
+}
 
 ExitStatus Fit(const IdentifyArguments& arguments) {
   std::atomic<bool>& end = EndOnSignals();
@@ -457,8 +472,12 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   PrintPrior(inputs, arguments.prior);
   for (const auto* records : {&inputs.records, &inputs.held_out})
     for (const RecordedMotion& record : *records) PrintReadings(record);
-  const FailedMotions failed(arguments.failed, inputs);
-  settings.fails = failed.fails();
+  const std::vector<FailedIn> failed = FailedMotions(arguments.failed, inputs);
+  if (!failed.empty()) {
+    settings.fails = [&failed](const std::vector<double>& robot) {
+      return std::ranges::all_of(failed, [&](const FailedIn& in) { return in.fails(robot); });
+    };
+  }
   const FitOutcome fit = FitRobot(inputs.records, inputs.prior, settings);
   if (fit.interrupted) {
     fmt::print(stderr, "interrupted: no file was written\n");
@@ -466,13 +485,7 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   }
   PrintFit(fit, settings);
   PrintFarOff(fit.posterior, inputs.prior.known);
-  if (settings.fails && !settings.fails(fit.posterior.mean)) {
-    fmt::print(
-        "warning: the model does not fail in {}, in which the robot failed: it is not to be "
-        "believed "
-        "where it stands\n",
-        fmt::join(arguments.failed, " and "));
-  }
+  PrintNotFailed(failed, fit.posterior);
   std::vector<FitResiduals> predicted;
   if (!inputs.held_out.empty()) {
     predicted = ResidualsOf(inputs.held_out, fit.posterior, settings.per_tick);
@@ -517,59 +530,8 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   settings.failed = arguments.failed;
   if (arguments.seed) settings.seed = *arguments.seed;
   const GateOutcome outcome = PassGate(arguments.motion, arguments.drives, file, settings);
-  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
-  fmt::print(people, "drives: {}, {:.6g} Hz\n",
-             arguments.drives.empty()
-                 ? "the default ones, with the motion's gains (no --drives was given)"
-                 : arguments.drives,
-             outcome.drives.rate_hz);
-  for (const PosteriorDrive& drive : FactsOf(outcome.drives).of_joint) {
-    fmt::print(people, "  {}: {}, kp {:.6g} N m/rad, kd {:.6g} N m s/rad, zero offset {:.6g} rad\n",
-               drive.joint, drive.protocol, drive.kp_nm_per_rad, drive.kd_nm_s_per_rad,
-               drive.zero_offset_rad);
-  }
-  if (file.drives.of_joint.empty()) {
-    fmt::print(
-        people,
-        "  the posterior does not say with which drives its records were made; give theirs\n");
-  }
-  fmt::print(people,
-             "twin: robot, ground and motors of {}; all else as in tumbler run sim without a twin "
-             "file\n",
-             arguments.posterior);
-  fmt::print(people,
-             "draws: {} robots at {:.3g} standard deviations, with margins of {:.3g} % in torque "
-             "limits, {:.3g} ms in delay\n",
-             outcome.draws.count, outcome.draws.deviations, 100 * settings.margins.torque_limit,
-             1e3 * settings.margins.delay_s);
-  if (file.effective) {
-    fmt::print(people,
-               "the posterior is of an effective model, which did not explain its records\n");
-  }
-  for (std::size_t i = 0; i < outcome.robots.size(); ++i) {
-    const TrialOutcome& robot = outcome.robots[i];
-    fmt::print(people, "{}: {}{}\n",
-               i == 0
-                   ? std::string("the robot that was identified")
-                   : fmt::format("a robot at {:.3g} standard deviations", outcome.draws.deviations),
-               ToString(robot.verdict), robot.reason.empty() ? "" : ": " + robot.reason);
-  }
-  for (const FailedMotion& failed : outcome.failed) {
-    fmt::print(people, "{}, in which the robot failed: the robot that was identified {}{}\n",
-               failed.motion, failed.mean_fails ? "fails, too" : "does not fail",
-               failed.left_out == 0
-                   ? ""
-                   : fmt::format("; draws left out because they do not: {}", failed.left_out));
-  }
-  if (!outcome.credible()) {
-    fmt::print(people,
-               "the model does not fail where the robot did, and is not to be believed; fit the "
-               "record of that run, too\n");
-  }
-  fmt::print(people, "{}\n",
-             outcome.open()
-                 ? "the gate is open: try the motion on the robot, and keep it if it stands"
-                 : "the gate is closed: do not try the motion on the robot");
+  PrintGate(arguments.json == "-" ? stderr : stdout, outcome, settings, file,
+            {arguments.posterior, arguments.drives});
   if (!arguments.json.empty()) {
     WriteResult(arguments.json, ToJson(outcome, settings, arguments.motion, arguments.drives,
                                        arguments.posterior, file.effective));
@@ -593,12 +555,7 @@ void CheckHeldOut(int argc, char** argv) {
   }
 }
 
-ExitStatus Main(int argc, char** argv) {
-  IdentifyArguments arguments;
-  CommandLine line("Finds a robot's model from its records, and says whether a motion suits it.",
-                   "tumbler identify");
-  line.SetFooter(kIdentifyExitCodes);
-  line.RequireSubcommand();
+void DeclareExcite(CommandLine& line, IdentifyArguments& arguments) {
   CommandLine excite =
       line.Subcommand("excite", "Makes a motion from whose record a robot can be told");
   excite
@@ -624,6 +581,9 @@ ExitStatus Main(int argc, char** argv) {
       .TakesOneValueEachTime();
   excite.Seed(arguments.seed, "Seed of the motions and of the robots that play them");
   excite.Flag("--quiet", arguments.quiet, "No progress");
+}
+
+void DeclareFit(CommandLine& line, IdentifyArguments& arguments) {
   CommandLine fit = line.Subcommand("fit", "Finds the robot that explains flight records");
   fit.Option("RECORD", arguments.records, "Flight records of one robot").Required();
   fit.Option("--out", arguments.out,
@@ -636,16 +596,18 @@ ExitStatus Main(int argc, char** argv) {
   fit.Option("--held-out", arguments.held_out,
              "A record that is not fitted, but predicted, for the page; once for each")
       .TakesOneValueEachTime();
-  fit.Option(
-         "--failed", arguments.failed,
-         "A motion that the robot has failed in: an effective model has to fail in it, too; may "
-         "be given more than once")
+  fit.Option("--failed", arguments.failed,
+             "A motion that the robot has failed in: where no model explains the records, one is "
+             "looked for that fails in it, too; may be given more than once")
       .TakesOneValueEachTime();
   fit.Option("--encoder-counts", arguments.encoder_counts,
              "Of the drives' encoders for a turn of their shaft; 0: exact")
       .Within(0, 1 << 26)
       .ShowDefault();
   fit.Flag("--quiet", arguments.quiet, "No progress");
+}
+
+void DeclareGate(CommandLine& line, IdentifyArguments& arguments) {
   CommandLine gate = line.Subcommand(
       "gate", "Plays a motion in the twin of the robot that was identified, and of draws");
   gate.Option("MOTION", arguments.motion, "Primitive or sequence").Required();
@@ -669,6 +631,17 @@ ExitStatus Main(int argc, char** argv) {
   gate.Option("--json", arguments.json,
               "Write what was played, with which drives and twin, to this file, or - for standard "
               "output");
+}
+
+ExitStatus Main(int argc, char** argv) {
+  IdentifyArguments arguments;
+  CommandLine line("Finds a robot's model from its records, and says whether a motion suits it.",
+                   "tumbler identify");
+  line.SetFooter(kIdentifyExitCodes);
+  line.RequireSubcommand();
+  DeclareExcite(line, arguments);
+  DeclareFit(line, arguments);
+  DeclareGate(line, arguments);
   line.Parse(argc, argv);
   const std::string subcommand = line.given_subcommand();
   if (subcommand == "excite") return Excite(arguments);

@@ -50,9 +50,9 @@ struct CapturedMotion {
 };
 
 /// Leads motions to where robots arrive so that they come to rest at the target by themselves. Each
-/// generation of CMA-ES meets other robots than the one before, which are played until 0.25 s after
-/// the end: by then their divergence tells who falls, at less than half the price of looking
-/// whether they stand, and it tells of one that falls by how much.
+/// generation of CMA-ES meets other robots than the one before, where there are more than 64, which
+/// are played until 0.25 s after the end: by then their divergence tells who falls, at less than
+/// half the price of looking whether they stand, and it tells of one that falls by how much.
 ///
 /// It ends where no robot of a generation has anything left to gain (RobotLoss::kPerfect).
 ///

@@ -19,8 +19,9 @@ namespace tumbler {
 class RobustMotion {
  public:
   /// A path that exceeds a limit by any more than rounding is worth this and more, and is not
-  /// simulated.
-  static constexpr double kUnplayable = 4;
+  /// simulated. No path that keeps them is worth more, unless its own shapes overlap by decimetres:
+  /// robots, their plan and the model's own rest come to 5 at most.
+  static constexpr double kUnplayable = 8;
 
   /// @param task  has to outlive this object.
   explicit RobustMotion(const RobustTask& task);

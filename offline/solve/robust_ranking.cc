@@ -24,8 +24,9 @@ constexpr std::array<double, Packet::kLanes> kSlopes_rad = {0,     1e-3, -1e-3, 
 constexpr double kLittleExcess = 0.3;
 
 /// What the excess of a plan adds to a motion's loss: twice the excess, and less and less of more
-/// than 1, so that no motion that can be played is worse than one that cannot. A search that fled
-/// from a large excess to paths beyond their limits would stay there.
+/// than 1, so that a motion that can be played is no worse than one that cannot
+/// (RobustMotion::kUnplayable). A search that fled from a large excess to paths beyond their limits
+/// would stay there.
 double PenaltyOf(double excess) { return excess <= 1 ? 2 * excess : 2.5 - 0.5 / excess; }
 
 int PacketsOf(const std::vector<std::vector<double>>& motions) {

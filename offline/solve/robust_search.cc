@@ -414,37 +414,44 @@ class RobustSearch {
     return captured;
   }
 
-  /// A motion that is tuned to one robot: changed a little, or, where that does not do, led to
-  /// where the robots of its posterior come to rest before it is improved.
+  /// Motions that are tuned to one robot, the best first: one that is changed a little, and, where
+  /// that does not do, one that is led to where the robots of its posterior come to rest before, or
+  /// changed further where nothing is led.
   std::vector<Candidate> Tuned(const Candidate& from) {
-    const std::vector<Candidate> near = Polish({from});
-    if (interrupted() || (!near.empty() && near.front().loss < Tuning::kMargin)) return near;
-    const std::vector<Candidate> led = Polish(LedToOneRobot(from));
-    const bool no_better = led.empty() || (!near.empty() && near.front().loss <= led.front().loss);
-    return no_better ? near : led;
+    std::vector<Candidate> tuned = Polish({from});
+    if (interrupted() || (!tuned.empty() && tuned.front().loss < Tuning::kMargin)) return tuned;
+    const std::optional<Candidate> led = LedToOneRobot(from);
+    const std::vector<Candidate> further = Polish({led             ? *led
+                                                   : tuned.empty() ? from
+                                                                   : tuned.front()});
+    tuned.insert(tuned.end(), further.begin(), further.end());
+    SortByLoss(tuned);
+    if (!tuned.empty()) Tell(false, 0, tuned.front().loss);
+    return tuned;
   }
 
-  /// A motion that is tuned to one robot, and that first where fewer robots of its posterior fall:
-  /// led to where they come to rest, or as it is.
-  std::vector<Candidate> LedToOneRobot(const Candidate& from) {
+  /// A motion that is led to where the robots of a posterior come to rest; none where most do
+  /// already, their divergences tell nothing, or it leaves more of them falling.
+  std::optional<Candidate> LedToOneRobot(const Candidate& from) {
     const Ensemble robots =
         MakeEnsemble(Tuning::kLeading, task_.settings.polish_scale, RobustTask::kRough);
-    std::vector<Candidate> both = {{from.x, Evaluate({from.x}, robots).front()}};
-    if (both.front().loss < RobotLoss::kCarried) return both;
-    if (DivergenceTells(ranking_, from.x, robots) == Telling::kNo) return both;
+    const double loss = Evaluate({from.x}, robots).front();
+    if (loss < RobotLoss::kCarried) return std::nullopt;
+    if (DivergenceTells(ranking_, from.x, robots) == Telling::kNo) return std::nullopt;
     ++stage_;
     const std::vector<CapturedMotion> led = Capture(
         ranking_, {from.x}, robots,
         {.generations = Tuning::kLeadingGenerations, .reach_rad = Tuning::kLeadingReach_rad},
         SeedOf(0),
-        [this](int start, int motions, double loss) {
+        [this](int start, int motions, double least) {
           evaluations_ += motions;
-          Show(SearchStage::kArrivals, start, loss);
+          Show(SearchStage::kArrivals, start, least);
         },
         [this] { return interrupted(); });
-    for (const CapturedMotion& motion : led) both.push_back({motion.x, motion.loss});
-    EvaluateAgain(both, robots);
-    return both;
+    if (led.empty() || interrupted()) return std::nullopt;
+    const Candidate found{led.front().x, Evaluate({led.front().x}, robots).front()};
+    if (found.loss >= loss) return std::nullopt;
+    return found;
   }
 
   /// Of a start of the present stage.

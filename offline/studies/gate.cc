@@ -57,10 +57,11 @@ class GateRobots {
     const std::string difference = DifferenceOf(played, known_.drives, false);
     if (!difference.empty()) {
       throw std::invalid_argument(fmt::format(
-          "{}: {} and those with which the records of the posterior were made differ: {}; {}",
+          "{}: {} and those with which the records were made differ: {}; {}",
           drives.empty() ? motion : drives,
           drives.empty() ? "the default drives with this motion's gains" : "its drives", difference,
-          drives.empty() ? "name their drives file (--drives)"
+          drives.empty() ? "it is to be played with those (--drives of the gate), or the robot "
+                           "recorded with these"
                          : "give those of the records, or record the robot with these"));
     }
     ShiftZeros(known_, played);
@@ -76,6 +77,14 @@ class GateRobots {
     AddMargins(trials_.scene(), settings_, deviations, number, robot);
     return trials_.Play(robot);
   }
+  /// @throws Refused  where nobody can say of the model whether it fails.
+  void CheckIsJudged(const std::string& motion) {
+    if (trials_.Play(trials_.Model()).judged()) return;
+    throw Refused(motion +
+                  ": asks for nothing that its robot could be judged by, so that nobody can say "
+                  "whether one fails in it");
+  }
+  /// @param coordinates  with zeros as the posterior's, which are of the records' drives.
   [[nodiscard]] TrialOutcome Play(const std::vector<double>& coordinates) {
     return trials_.Play(RobotOf(coordinates));
   }
@@ -122,8 +131,10 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
                      const PosteriorFile& posterior, const GateSettings& settings) {
   GateRobots asked(motion, drives, posterior, settings);
   std::vector<GateRobots> failed_in;
-  for (const std::string& failed : settings.failed)
+  for (const std::string& failed : settings.failed) {
     failed_in.emplace_back(failed, drives, posterior, settings);
+    failed_in.back().CheckIsJudged(failed);
+  }
   GateOutcome outcome;
   outcome.drives = asked.drives();
   outcome.draws = posterior.effective ? kDrawsOfEffective : GateDraws{};
@@ -150,15 +161,14 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
   return outcome;
 }
 
-std::function<bool(const std::vector<double>&)> FailsInAll(const std::vector<std::string>& motions,
-                                                           const std::string& drives,
-                                                           const PosteriorFile& like) {
-  // A function can be copied, and trials cannot.
-  const auto robots = std::make_shared<std::vector<GateRobots>>();
-  for (const std::string& motion : motions) robots->emplace_back(motion, drives, like);
+std::function<bool(const std::vector<double>&)> FailsIn(const std::string& motion,
+                                                        const std::string& drives,
+                                                        const PosteriorFile& like) {
+  // The function is to be cheap to copy.
+  const auto robots = std::make_shared<GateRobots>(motion, drives, like);
+  robots->CheckIsJudged(motion);
   return [robots](const std::vector<double>& coordinates) {
-    return std::ranges::all_of(*robots,
-                               [&](GateRobots& in) { return in.Play(coordinates).fails(); });
+    return robots->Play(coordinates).fails();
   };
 }
 
@@ -191,6 +201,7 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
       {"effective", effective},
       {"open", outcome.open()},
       {"draws", outcome.draws.count},
+      {"played", static_cast<int>(outcome.robots.size()) - 1},
       {"seed", settings.seed},
       {"margins",
        {{"torque_limit", settings.margins.torque_limit}, {"delay_s", settings.margins.delay_s}}},

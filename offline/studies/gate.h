@@ -38,14 +38,15 @@ struct GateSettings {
 struct FailedMotion {
   std::string motion;
   bool mean_fails = false;
-  int left_out = 0;  ///< Draws that do not fail in it: none of them is this robot.
+  /// Draws that do not fail in it, though they do in those before it: none of them is this robot.
+  int left_out = 0;
 };
 
 /// What became of the robots of a posterior in a motion: of its mean first, then of the draws.
 struct GateOutcome {
   /// Fewer than were asked for where too many draws were left out.
   std::vector<TrialOutcome> robots;
-  GateDraws draws;                   ///< As they were drawn.
+  GateDraws draws;                   ///< As they were asked for.
   DrivesConfig drives;               ///< With which they were played.
   std::vector<FailedMotion> failed;  ///< Those of the settings, in their order.
   /// Draws that were left out.
@@ -67,15 +68,19 @@ struct GateOutcome {
 ///                differ from those of the records.
 /// @throws FileError, Refused, std::runtime_error  as tumbler run sim does; std::invalid_argument
 ///         when the drives are others than those of the records, or the motion's robot lacks a link
-///         or joint of the posterior.
+///         or joint of the posterior; Refused where nobody can say whether a robot fails in a
+///         motion of GateSettings::failed, since it asks for nothing.
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
                      const PosteriorFile& posterior, const GateSettings& settings);
 
-/// Whether robots fail in all of several motions, as the gate plays them: for FitSettings::fails.
-/// @param like  quantities that the coordinates are of, and drives of the records.
+/// Whether robots fail in a motion, as the gate plays them: for FitSettings::fails. Copies of the
+/// function play in one twin, and are not to be called at the same time.
+/// @param drives  those of the records; empty: the default ones.
+/// @param like    quantities that the coordinates are of, and drives of the records.
 /// @throws  as PassGate.
-std::function<bool(const std::vector<double>& coordinates)> FailsInAll(
-    const std::vector<std::string>& motions, const std::string& drives, const PosteriorFile& like);
+std::function<bool(const std::vector<double>& coordinates)> FailsIn(const std::string& motion,
+                                                                    const std::string& drives,
+                                                                    const PosteriorFile& like);
 
 /// What became of them as JSON.
 std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,

@@ -310,8 +310,9 @@ Effective FitEffective(FitObjective& objective, double tick_s, Fitter& fitter, c
   double chi = ChiOf(Split(objective, best.residuals));
   for (int round = 0; round < kRounds; ++round) {
     effective.noise = chi * std::sqrt(kBlock_s / tick_s);
-    effective.found = fitter.With(effective.noise, effective.found.u);
-    if (!fitter.Interrupted()) effective.found = fitter.Across(effective.noise, effective.found);
+    const Found with = fitter.With(effective.noise, effective.found.u);
+    if (fitter.Interrupted()) return effective;
+    effective.found = fitter.Across(effective.noise, with);
     const double before = chi;
     chi = ChiOf(Split(objective, effective.found.residuals));
     if (chi > kGains * before) break;
@@ -497,11 +498,59 @@ VectorXd GrowFromFirst(std::span<const RecordedMotion> records, const FitPrior& 
   for (std::size_t count = 1; count < records.size(); ++count) {
     FitObjective objective(records.first(count), prior, of);
     Fitter fitter(objective, of);
-    u = fitter.From(objective.Allowed(u)).u;
-    of.annealing = {kNear, 1};
+    const Found found = fitter.From(objective.Allowed(u));
     if (fitter.Interrupted()) break;
+    u = found.u;
+    of.annealing = {kNear, 1};
   }
   return u;
+}
+
+/// The best of what is found from the prior's mean and from robots that are drawn from it, until
+/// the records are explained; empty where the fit was interrupted before the first step.
+/// @param starts  is counted up.
+Found FromStarts(std::span<const RecordedMotion> records, const FitPrior& prior,
+                 const FitSettings& settings, FitObjective& objective, Fitter& fitter,
+                 int& starts) {
+  Found best;
+  const auto explains = [&] { return ChiOf(Split(objective, best.residuals)) <= settings.chi_max; };
+  const int before = settings.begin.empty() ? 0 : -1;
+  for (int start = before; start < settings.starts && !fitter.Interrupted(); ++start) {
+    VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
+    Normal normal(1, static_cast<std::uint64_t>(std::max(start, 0)));
+    for (std::size_t i = 0; start != 0 && i < prior.known.size(); ++i) {
+      const double off = start < 0 ? settings.begin[i] - prior.known.mean[i]
+                                   : normal.Draw() * prior.known.DeviationOf(i);
+      u[ToIndex(i)] = off / objective.deviations()[i];
+    }
+    const Found found = fitter.From(objective.Allowed(u));
+    if (found.u.size() == 0) break;  // interrupted before the first step
+    ++starts;
+    if (found.value < best.value || best.u.size() == 0) best = found;
+    if (explains()) break;
+    if (start != 0 || records.size() == 1 || fitter.Interrupted()) continue;
+    const Found grown = fitter.From(objective.Allowed(GrowFromFirst(records, prior, settings)));
+    ++starts;
+    if (grown.value < best.value) best = grown;
+    if (explains()) break;
+  }
+  return best;
+}
+
+/// Moves a solution by two steps with derivatives in the steps of its residuals; of one that fails
+/// where the robot did no farther than it does.
+/// @returns the derivatives at the solution, or so near to it that they are the same.
+MatrixXd RefineTwice(FitObjective& objective, const Fitter& fitter, double noise,
+                     const FitSettings& settings, bool fails, Found& found) {
+  MatrixXd J = objective.Derivatives(found.u, settings.per_tick);
+  for (int step = 0; step < 2; ++step) {
+    Found refined = found;
+    Refine(objective, J, noise, settings, refined);
+    if (fails && fitter.Fails(found.u) && !fitter.Fails(refined.u)) break;
+    found = refined;
+    if (step == 0) J = objective.Derivatives(found.u, settings.per_tick);
+  }
+  return J;
 }
 
 }  // namespace
@@ -514,27 +563,8 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   outcome.weighed = settings.weight_kg > 0 || prior.weighed;
   FitObjective objective(records, prior, settings);
   Fitter fitter(objective, settings);
-  Found best;
   const auto chi_of = [&](const Found& found) { return ChiOf(Split(objective, found.residuals)); };
-  const int before = settings.begin.empty() ? 0 : -1;
-  for (int start = before; start < settings.starts && !fitter.Interrupted(); ++start) {
-    VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
-    Normal normal(1, static_cast<std::uint64_t>(std::max(start, 0)));
-    for (std::size_t i = 0; start != 0 && i < prior.known.size(); ++i) {
-      const double off = start < 0 ? settings.begin[i] - prior.known.mean[i]
-                                   : normal.Draw() * prior.known.DeviationOf(i);
-      u[ToIndex(i)] = off / objective.deviations()[i];
-    }
-    const Found found = fitter.From(objective.Allowed(u));
-    ++outcome.starts;
-    if (found.value < best.value || best.u.size() == 0) best = found;
-    if (chi_of(best) <= settings.chi_max) break;
-    if (start != 0 || records.size() == 1 || fitter.Interrupted()) continue;
-    const Found grown = fitter.From(objective.Allowed(GrowFromFirst(records, prior, settings)));
-    ++outcome.starts;
-    if (grown.value < best.value) best = grown;
-    if (chi_of(best) <= settings.chi_max) break;
-  }
+  Found best = FromStarts(records, prior, settings, objective, fitter, outcome.starts);
   outcome.interrupted = fitter.Interrupted();
   outcome.first_deviations = objective.deviations();
   if (best.u.size() == 0) return outcome;
@@ -561,14 +591,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
       last = &*of_effective;
     }
   }
-  MatrixXd J = last->Derivatives(best.u, settings.per_tick);
-  for (int step = 0; step < 2; ++step) {
-    Found refined = best;
-    Refine(*last, J, noise, settings, refined);
-    if (last != &objective && fitter.Fails(best.u) && !fitter.Fails(refined.u)) break;
-    best = refined;
-    if (step == 0) J = last->Derivatives(best.u, settings.per_tick);
-  }
+  const MatrixXd J = RefineTwice(*last, fitter, noise, settings, last != &objective, best);
   outcome.records = Split(*last, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;

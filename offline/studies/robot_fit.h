@@ -34,8 +34,9 @@ struct FitSettings {
   /// Coordinates of a robot from which a fit is begun before any other; empty: the prior's mean is
   /// the first.
   std::vector<double> begin;
-  /// Whether a robot with these coordinates fails in the motions that the robot has failed in: an
-  /// effective model has to, where one that does is found. Empty: it has failed in none.
+  /// Whether a robot with these coordinates fails in the motions that the robot has failed in:
+  /// where no model explains the records, one that fails is taken, if there is one near what is
+  /// nearest to an explanation. Empty: it has failed in none.
   std::function<bool(const std::vector<double>& coordinates)> fails;
   std::function<void(const std::string&)> say;  ///< Told of progress; may be empty.
   const std::atomic<bool>* interrupt = nullptr;

@@ -334,7 +334,7 @@ Study::Known Study::Fit(const testing::HiddenRobot& robot, const std::string& fo
   if (settings_.tried && !stood_) {
     PosteriorFile like;
     like.posterior = prior.known;
-    known.settings.fails = FailsInAll({settings_.guesses.front()}, settings_.drives, like);
+    known.settings.fails = FailsIn(settings_.guesses.front(), settings_.drives, like);
   }
   known.fit = FitRobot(known.records, prior, known.settings);
   cpu_.push_back(cpu_s + CpuSeconds() - start);

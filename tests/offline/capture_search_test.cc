@@ -63,6 +63,29 @@ double MeanSquare(const std::vector<double>& a, const std::vector<double>& b) {
   return sum / static_cast<double>(count);
 }
 
+TEST(RobustRanking, AMotionThatCanBePlayedIsNoWorseThanOneThatCannot) {
+  const Shipped shipped;
+  const Ensemble robots = shipped.Robots(2, 5);
+  // Motions that need too much torque and let all robots fall, and one that is beyond a limit.
+  std::vector<double> beyond = shipped.motion();
+  beyond[4] = 10;
+  EXPECT_GE(shipped.ranking().Evaluate({beyond}, robots).front(), RobustMotion::kUnplayable);
+  int hard = 0;
+  for (std::size_t i = 1; i + 1 < beyond.size(); ++i) {
+    for (const double change : {-0.8, -0.4, -0.2, 0.2, 0.4, 0.8}) {
+      std::vector<double> x = shipped.motion();
+      x[i] += change;
+      x[i + 1] -= change;
+      if (shipped.ranking().Arrivals({x}, robots).front().divergences.empty()) continue;
+      if (shipped.ranking().Plans({x}).front().excess < 0.1) continue;
+      ++hard;
+      EXPECT_LT(shipped.ranking().Evaluate({x}, robots).front(), RobustMotion::kUnplayable)
+          << i << ' ' << change;
+    }
+  }
+  EXPECT_GT(hard, 3);
+}
+
 TEST(RobotLoss, DivergenceIsWhatGrowsOfAPendulumsMotion) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand_first.toml"));
   const RobotLoss loss(task.problem);

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "common/files/json.h"
@@ -303,19 +304,33 @@ TEST(IdentifyProgram, TheGateRefusesAMotionOfARobotWithOtherFeetThanTheIdentifie
   }
 }
 
-TEST(IdentifyProgram, AFitSaysThatItsModelDoesNotFailWhereTheRobotDid) {
+TEST(IdentifyProgram, FitAndGateSayThatTheModelDoesNotFailWhereTheRobotDid) {
   const Records& of = Shared();
-  const Outcome stands = Identify({"fit", of.back(), "--failed", kStand});
-  EXPECT_EQ(stands.exit_code, 0) << stands.text;
-  EXPECT_THAT(stands.text, HasSubstr("warning: the model does not fail in " + kStand));
   const testing::TemporaryFolder folder;
-  for (const auto& [motion, why] : {std::pair("primitives/hopper/hop_up.toml", "joint"),
-                                    std::pair("primitives/gait.toml", "goes on for ever"),
-                                    std::pair("primitives/absent.toml", "cannot be opened")}) {
-    const Outcome refused =
-        Identify({"fit", of.back(), "--failed", SourcePath(motion), "--out", folder / "model"});
-    EXPECT_NE(refused.exit_code, 0) << motion;
-    EXPECT_THAT(refused.text, HasSubstr(why)) << motion;
+  const Outcome fit = Identify({"fit", of.back(), "--failed", kStand});
+  EXPECT_EQ(fit.exit_code, 0) << fit.text;
+  EXPECT_THAT(fit.text, HasSubstr("warning: the model does not fail in " + kStand));
+  const Outcome gate =
+      Identify({"gate", kStand, of.posterior(), "--drives", kDrivesFile, "--failed", kStand,
+                "--draws", "2", "--json", folder / "gate.json"});
+  EXPECT_EQ(gate.exit_code, 4);
+  EXPECT_THAT(gate.text, AllOf(HasSubstr("does not fail; draws left out because they do not: 4"),
+                               HasSubstr("0 robots at 2 standard deviations of 4 that were drawn"),
+                               HasSubstr("fit the record of that run, too, with --failed")));
+  const std::optional<Json> json = Json::Parse(ReadFile(folder / "gate.json"));
+  ASSERT_TRUE(json);
+  EXPECT_EQ((*json)["played"].number(), 0);
+  EXPECT_EQ((*json)["failed"][0]["left_out"].number(), 4);
+  const std::vector<std::tuple<const char*, const char*, int>> refused = {
+      {"hopper/hop_up.toml", "joint", 1},
+      {"gait.toml", "goes on for ever", 2},
+      {"absent.toml", "cannot be opened", 1}};
+  for (const auto& [motion, why, status] : refused) {
+    const Outcome none =
+        Identify({"fit", of.back(), "--failed", SourcePath(std::string("primitives/") + motion),
+                  "--out", folder / "model"});
+    EXPECT_EQ(none.exit_code, status) << motion;
+    EXPECT_THAT(none.text, HasSubstr(why)) << motion;
     EXPECT_FALSE(fs::exists(folder / "model")) << motion;
   }
 }

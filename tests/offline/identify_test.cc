@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -290,6 +291,31 @@ TEST(Identify, AnEffectiveModelFailsWhereTheRobotDid) {
   EXPECT_EQ(FitRobot(records, prior, settings).posterior.mean, any.posterior.mean);
 }
 
+TEST(Identify, AnInterruptEndsAFitWhereverItComes) {
+  std::vector<RecordedMotion> records =
+      RecordsOf(testing::DrawHiddenRobot(Excitations().front().scene(), 11, 5));
+  for (std::size_t k = 0; k < records[0].ticks.size(); ++k)
+    records[0].ticks[k][0].reading_rad += 3e-3 * std::sin(0.3 * static_cast<double>(k));
+  records[0].ticks.resize(records[0].begins + 200);  // which takes less
+  records.resize(1);
+  const FitPrior prior = PriorOfRecords(records, false);
+  std::atomic<bool> interrupt = false;
+  FitSettings settings;
+  settings.starts = 1;
+  settings.per_tick = settings.per_tick_rough = 2;
+  settings.interrupt = &interrupt;
+  int lines = 0;
+  settings.say = [&](const std::string&) { ++lines; };
+  ASSERT_TRUE(FitRobot(records, prior, settings).effective);
+  const int all = lines;
+  for (int last = 0; last < all; last += 1 + all / 12) {
+    lines = 0;
+    interrupt = last == 0;
+    settings.say = [&](const std::string&) { interrupt = ++lines >= last; };
+    EXPECT_TRUE(FitRobot(records, prior, settings).interrupted) << last << " of " << all;
+  }
+}
+
 TEST(Identify, ARecordThatIsCutIsUsedAsFarAsItGoes) {
   const testing::TemporaryFolder folder;
   const std::string whole = folder / "whole.rec", cut = folder / "cut.rec";
@@ -400,6 +426,7 @@ TEST(Gate, BelievesNoPosteriorOfWhichMostDrawsStandWhereTheRobotFailed) {
   for (settings.seed = 1; settings.seed <= 20; ++settings.seed) {
     const GateOutcome outcome = PassGate(testing::SourcePath("primitives/stand.toml"), kDrives,
                                          OnSlipperyGround(0.104), settings);
+    EXPECT_TRUE(outcome.failed.at(0).mean_fails);
     if (outcome.left_out() < 2) continue;
     EXPECT_EQ(outcome.robots.size(), 1U);
     EXPECT_FALSE(outcome.credible());
@@ -534,6 +561,8 @@ TEST(Tuning, LeadsAGuessThatIsFarOff) {
       WorkOn(TunedTask(file, "primitives/handstand.toml", settings), Quietly());
   ASSERT_TRUE(result.file) << result.cause;
   EXPECT_LT(result.outcome.history.back().cost, RobotLoss::kCarried);
+  ASSERT_TRUE(result.best.robots);
+  EXPECT_GT(2 * result.best.robots->carried, result.best.robots->of);
 }
 
 }  // namespace
