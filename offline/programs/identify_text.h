@@ -4,7 +4,6 @@
 #include <string>
 
 #include "offline/problem/posterior_toml.h"
-#include "offline/scene/robot_posterior.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/robot_fit.h"
