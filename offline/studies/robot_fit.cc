@@ -592,6 +592,8 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
     }
   }
   const MatrixXd J = RefineTwice(*last, fitter, noise, settings, last != &objective, best);
+  outcome.interrupted = fitter.Interrupted();
+  if (outcome.interrupted) return outcome;
   outcome.records = Split(*last, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
