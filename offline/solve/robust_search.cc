@@ -449,7 +449,7 @@ class RobustSearch {
         },
         [this] { return interrupted(); });
     if (led.empty() || interrupted()) return std::nullopt;
-    const Candidate found{led.front().x, Evaluate({led.front().x}, robots).front()};
+    Candidate found{led.front().x, Evaluate({led.front().x}, robots).front()};
     if (found.loss >= loss) return std::nullopt;
     return found;
   }

@@ -192,9 +192,10 @@ std::string ToJson(const GateOutcome& outcome, const GateSettings& settings,
                      {"zero_offset_rad", drive.zero_offset_rad}});
   }
   auto failed = Json::Array();
-  for (const FailedMotion& of : outcome.failed)
+  for (const FailedMotion& of : outcome.failed) {
     failed.Append(
         {{"motion", of.motion}, {"mean_fails", of.mean_fails}, {"left_out", of.left_out}});
+  }
   const Json json = {
       {"motion", motion},
       {"posterior", posterior},

@@ -128,7 +128,7 @@ RobotVariation LinksOf(const PlanarRobot& of, const PlanarRobot& from) {
 }  // namespace
 
 std::string DifferenceOf(const Scene& scene, const PlanarRobot& robot) {
-  const std::string difference = DifferenceInKind(scene.robot, robot);
+  std::string difference = DifferenceInKind(scene.robot, robot);
   if (!difference.empty()) return difference;
   return DifferenceInNumbers(Varied(scene, LinksOf(robot, scene.robot)).robot, robot);
 }

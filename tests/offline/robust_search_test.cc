@@ -55,9 +55,10 @@ std::string RefusalOf(const std::string& text) {
 std::vector<double> StraightPaths(const Problem& problem) {
   std::vector<double> paths;
   for (const ActuatedJoint& joint : problem.joints) {
-    for (int i = 1; i <= joint.free_points(); ++i)
+    for (int i = 1; i <= joint.free_points(); ++i) {
       paths.push_back(joint.start_rad +
                       (joint.end_rad - joint.start_rad) * i / (joint.free_points() + 1));
+    }
   }
   return paths;
 }
@@ -341,7 +342,8 @@ double NearestAlong(const Problem& problem, const std::vector<double>& x) {
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
   double nearest_m = 1;
   std::vector<double> q = problem.start_q;
-  for (double t = 0; t < problem.duration_s; t += 1e-3) {
+  for (int k = 0; 1e-3 * k < problem.duration_s; ++k) {
+    const double t = 1e-3 * k;
     for (std::size_t j = 0; j < problem.joints.size(); ++j)
       q[3 + j] = PositionSpline(problem, x, j).Evaluate(t).value;
     nearest_m = std::min(nearest_m, distances.Nearest(q).distance_m);
