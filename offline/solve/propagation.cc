@@ -38,14 +38,14 @@ Propagation<Space>::Propagation(const Problem& problem, double step_s,
 template <class Space>
 void Propagation<Space>::Take(Timetable&& new_table) {
   table = std::move(new_table);
-  tabulated = has_room = false;
+  tabulated_ = has_room_ = false;
 }
 
 /// Makes room for what the steps of the timetable leave behind.
 template <class Space>
 void Propagation<Space>::MakeRoom() {
-  if (has_room) return;
-  has_room = true;
+  if (has_room_) return;
+  has_room_ = true;
   record.Resize(table);
   maxima.Resize();
   if constexpr (RootChart<Space>::kMoves) turns.resize(Index(table.steps()));
@@ -78,8 +78,8 @@ bool Propagation<Space>::SetMotion(std::span<const double> x) {
     Take(Timetable(table.scheme(), motion.duration().Stretched(grid), motion.duration_s(),
                    motion.instants()));
   }
-  if (!tabulated) paths.Tabulate(table);
-  tabulated = true;
+  if (!tabulated_) paths.Tabulate(table);
+  tabulated_ = true;
   paths.Evaluate(x);
   return true;
 }

@@ -114,8 +114,8 @@ struct Propagation {
 
   // What depends on the timetable is made when it is first needed: one may be followed by another,
   // and a Visit leaves nothing behind.
-  bool tabulated = false;  // whether `paths` are
-  bool has_room = false;   // whether `record` and `maxima` have it
+  bool tabulated_ = false;  // whether `paths` are
+  bool has_room_ = false;   // whether `record` and `maxima` have it
 };
 
 }  // namespace tumbler

@@ -125,8 +125,8 @@ void PurposeJudge::Watch(std::int64_t time_ns, const TwinState& truth) {
   for (const double rate : truth.root_angular_velocity_rad_s)
     speed = std::max(speed, std::abs(rate));
   speeds_.emplace_back(time_ns, speed);
-  constexpr auto kWatched_ns = static_cast<std::int64_t>(1e9 * kRestWatched_s + 0.5);
-  while (speeds_.front().first < time_ns - kWatched_ns) speeds_.pop_front();
+  const std::int64_t watched_ns = std::llround(1e9 * kRestWatched_s);
+  while (speeds_.front().first < time_ns - watched_ns) speeds_.pop_front();
 }
 
 /// Makes room for a passage: nothing that was amiss is forgotten while there is something else.

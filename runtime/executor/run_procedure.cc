@@ -169,6 +169,23 @@ bool RunProcedure::Clear(const TickRecord& last, OperatorCommand& command) noexc
   return false;
 }
 
+OperatorCommand RunProcedure::Arm(const TickRecord& last, Refusal refused) noexcept {
+  if (last.state == ExecutorState::kHolding) {
+    static_cast<void>(HasMoved(last));  // from here
+    return Go(Phase::kMove, OperatorCommand::kMoveToStart);
+  }
+  if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;
+  if (OperatorCommand clear = OperatorCommand::kNone; !Clear(last, clear)) return clear;
+  if (refused != Refusal::kNone &&
+      (refused != Refusal::kNoReply || ticks_ > config_.reply_ticks_max)) {
+    refusal_ = last.refusal;
+    return Finish(RunOutcome::kRefused);
+  }
+  // Until every drive was heard, there is nothing to arm, and nothing to refuse either.
+  return ticks_ > config_.reply_ticks_max || WereHeard(last) ? OperatorCommand::kArm
+                                                             : OperatorCommand::kNone;
+}
+
 OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   // Only refusals of this procedure's own commands count. The operator may have asked for something
   // else in between.
@@ -176,20 +193,7 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   const Refusal refused = own ? last.refusal.refusal : Refusal::kNone;
   switch (phase_) {
     case Phase::kArm:
-      if (last.state == ExecutorState::kHolding) {
-        static_cast<void>(HasMoved(last));  // from here
-        return Go(Phase::kMove, OperatorCommand::kMoveToStart);
-      }
-      if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;
-      if (OperatorCommand clear = OperatorCommand::kNone; !Clear(last, clear)) return clear;
-      if (refused != Refusal::kNone &&
-          (refused != Refusal::kNoReply || ticks_ > config_.reply_ticks_max)) {
-        refusal_ = last.refusal;
-        return Finish(RunOutcome::kRefused);
-      }
-      // Until every drive was heard, there is nothing to arm, and nothing to refuse either.
-      return ticks_ > config_.reply_ticks_max || WereHeard(last) ? OperatorCommand::kArm
-                                                                 : OperatorCommand::kNone;
+      return Arm(last, refused);
     case Phase::kMove:
       // The first record after the command already shows the move.
       if (last.state != ExecutorState::kHolding) return OperatorCommand::kNone;

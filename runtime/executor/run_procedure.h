@@ -143,6 +143,8 @@ class RunProcedure {
   bool Clear(const TickRecord& last, OperatorCommand& command) noexcept;
   /// The next command of a run that nothing interrupts.
   OperatorCommand GoOn(const TickRecord& last) noexcept;
+  /// The same while the robot is to be armed. @param refused  of this procedure's own command.
+  OperatorCommand Arm(const TickRecord& last, Refusal refused) noexcept;
   /// Holds the robot until somebody asks for torque off.
   OperatorCommand HoldOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;

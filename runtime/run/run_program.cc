@@ -550,6 +550,13 @@ RepeatedSettings SettingsInForce(const RunOptions& options, const RunParts& part
   return repeated;
 }
 
+/// Says that a recording of a build that cannot read robot files is without the robot.
+void NotePictureless(const RunOptions& options, OperatorVoice& voice) {
+  if (options.mcap.empty()) return;
+  voice.Say(fmt::format("note: {} is without the robot, as this build cannot read robot files",
+                        options.mcap));
+}
+
 }  // namespace
 
 std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulation,
@@ -596,10 +603,7 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   }
 
   NoteHoldWithoutEnd(options, procedure_config, voice);
-  if (!options.mcap.empty() && pictures == nullptr) {
-    voice.Say(fmt::format("note: {} is without the robot, as this build cannot read robot files",
-                          options.mcap));
-  }
+  if (pictures == nullptr) NotePictureless(options, voice);
 
   world->Open();
   CatchInterrupts();

@@ -55,12 +55,13 @@ TEST(PrimitiveToml, AFigureOfRobotsThatContradictsItselfIsRefused) {
   const auto refusal = [](const RobustnessFigure& figure) {
     PrimitiveFile file = testing::PrimitiveExample();
     file.robustness = {figure};
+    std::string said = "taken";
     try {
       ToToml(file);
     } catch (const std::invalid_argument& error) {
-      return std::string(error.what());
+      said = error.what();
     }
-    return std::string("taken");
+    return said;
   };
   EXPECT_EQ(refusal(ExampleFigure()), "taken");
   RobustnessFigure more = ExampleFigure();
@@ -123,12 +124,13 @@ TEST(PrimitiveToml, AWindowThatContradictsItselfIsRefused) {
     PrimitiveFile file = testing::PrimitiveExample();
     file.window = ExampleWindow();
     change(*file.window);
+    std::string said = "taken";
     try {
       ToToml(file);
     } catch (const std::invalid_argument& error) {
-      return std::string(error.what());
+      said = error.what();
     }
-    return std::string("taken");
+    return said;
   };
   EXPECT_EQ(refusal([](GroundWindow&) {}), "taken");
   EXPECT_THAT(refusal([](GroundWindow& window) { window.mu[1] = 2.5; }),

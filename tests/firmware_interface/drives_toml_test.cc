@@ -101,7 +101,7 @@ TEST(DrivesToml, WhatIsSaidOfAMotorIsReadOfEachDriveAndSimulated) {
   for (const std::string wrong :
        {"torque_factor = 0.0", "torque_time_constant_s = -0.1", "velocity_filter_s = 3.0"}) {
     try {
-      ParseDrives(Mutate(ShippedText(), leg, leg + "\n" + wrong), "drives.toml");
+      ParseDrives(Mutate(ShippedText(), leg, fmt::format("{}\n{}", leg, wrong)), "drives.toml");
       ADD_FAILURE() << wrong;
     } catch (const FileError& error) {
       const std::string said = error.what();

@@ -215,7 +215,7 @@ TEST(SampleTimes, OfDrivesWithAClockOfTheirOwnAreThoseOfTheBeginningsOfTheirRepo
         const std::int64_t late_ns = *sampled_ns - rig.ReportedTime(j);
         EXPECT_GE(late_ns, -1000) << "a microsecond is what a float leaves of a position";
         // The report waits for a frame that is under way, the stranger's and those of others.
-        EXPECT_LE(late_ns, kTurnaround_ns + 130'000 * (count + 3)) << count;
+        EXPECT_LE(late_ns, kTurnaround_ns + std::int64_t{130'000} * (count + 3)) << count;
         ++reports;
       }
     }
