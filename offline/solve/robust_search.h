@@ -25,10 +25,9 @@ namespace tumbler {
 ///
 /// @returns motions, the most robust first, with the figures that `Solve` gives. `options.accept`
 ///          and `options.contact` do not count. The result does not depend on the threads.
-/// @param guess  parameters of the problem: a motion that is only polished, with `polish_robots`,
-/// and led before
-///               where one robot is known by a posterior and that does not do.
-///               Empty: none. Joints that are tied follow the others in it.
+/// @param guess  parameters of the problem: a motion that is only polished, with `polish_robots`.
+///               Where one robot is known by a posterior and that does not do, it is led before, as
+///               in step 2. Empty: none. Joints that are tied follow the others in it.
 /// @param gains  of a feedback that the guess gets as they are, where the problem asks for one: for
 ///               its joints in their order, with knots for its duration. Null: they are found.
 /// @param complement  motions of the problem's joints that are tried before this one: only robots
