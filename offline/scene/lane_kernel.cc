@@ -13,6 +13,8 @@ const LaneKernel<Packet>& Avx2Kernel();
 const LaneKernel<Packet>& Avx512Kernel();
 const LanePlanKernel<Packet>& Avx2PlanKernel();
 const LanePlanKernel<Packet>& Avx512PlanKernel();
+const RankingKernel& Avx2RankingKernel();
+const RankingKernel& Avx512RankingKernel();
 
 namespace {
 
@@ -71,6 +73,15 @@ std::vector<const LanePlanKernel<Packet>*> PacketPlanKernels() {
                                                 FindLanePeaks<Packet, Vector<2>>};
 #if defined(__x86_64__)
   return Runnable(Avx512PlanKernel, Avx2PlanKernel, plain);
+#else
+  return {&plain};
+#endif
+}
+
+std::vector<const RankingKernel*> RankingKernels() {
+  static constexpr RankingKernel plain{kPlain, DriveLanes<WidePacket, Vector<4, float>, float>};
+#if defined(__x86_64__)
+  return Runnable(Avx512RankingKernel, Avx2RankingKernel, plain);
 #else
   return {&plain};
 #endif

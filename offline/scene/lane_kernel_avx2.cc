@@ -25,4 +25,10 @@ const LanePlanKernel<Packet>& Avx2PlanKernel() {
   return kernel;
 }
 
+const RankingKernel& Avx2RankingKernel();
+const RankingKernel& Avx2RankingKernel() {
+  static constexpr RankingKernel kernel{"AVX2", DriveLanes<WidePacket, Vector<8, float>, float>};
+  return kernel;
+}
+
 }  // namespace tumbler

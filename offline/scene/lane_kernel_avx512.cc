@@ -25,4 +25,11 @@ const LanePlanKernel<Packet>& Avx512PlanKernel() {
   return kernel;
 }
 
+const RankingKernel& Avx512RankingKernel();
+const RankingKernel& Avx512RankingKernel() {
+  static constexpr RankingKernel kernel{"AVX-512",
+                                        DriveLanes<WidePacket, Vector<16, float>, float>};
+  return kernel;
+}
+
 }  // namespace tumbler

@@ -114,6 +114,16 @@ T<Packet> PackLanes(const std::array<T<double>, Packet::kLanes>& each) {
   }
   return std::bit_cast<T<Packet>>(packed);
 }
+/// The lanes of two packets in one of single precision.
+template <template <class> class T>
+T<WidePacket> WidenLanes(const T<Packet>& low, const T<Packet>& high) {
+  constexpr std::size_t kNumbers = sizeof(T<double>) / sizeof(double);
+  const auto a = std::bit_cast<std::array<Packet, kNumbers>>(low);
+  const auto b = std::bit_cast<std::array<Packet, kNumbers>>(high);
+  std::array<WidePacket, kNumbers> wide;
+  for (std::size_t i = 0; i < kNumbers; ++i) wide[i] = WidePacket::Of(a[i], b[i]);
+  return std::bit_cast<T<WidePacket>>(wide);
+}
 template <template <class> class T>
 T<double> LaneOf(const T<Packet>& packed, std::size_t lane) {
   constexpr std::size_t kNumbers = sizeof(T<double>) / sizeof(double);

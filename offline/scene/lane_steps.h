@@ -26,13 +26,15 @@ class LaneDriveLaw {
         rubs_(Any(S(0) < lanes(drive_.dry_friction))) {}
 
   /// @param largest  takes the largest |torque| of the motor.
-  [[gnu::always_inline]] S Torque(const LaneSetpoint<P>& before, const LaneSetpoint<P>& now,
+  template <class N>
+  [[gnu::always_inline]] S Torque(const LaneSetpoint<N>& before, const LaneSetpoint<N>& now,
                                   const S& since, const S& q, const S& v, S& largest) const {
     return AtJoint(Exerted(before, now, since, q, v), q, v, largest);
   }
 
   /// The torque of the motor alone. @param seen  the velocity that the drive sees.
-  [[gnu::always_inline]] S Exerted(const LaneSetpoint<P>& before, const LaneSetpoint<P>& now,
+  template <class N>
+  [[gnu::always_inline]] S Exerted(const LaneSetpoint<N>& before, const LaneSetpoint<N>& now,
                                    const S& since, const S& q, const S& seen) const {
     const auto late = since < lanes_(drive_.delay);
     const S wanted = ImpedanceTorque<S>(
@@ -103,9 +105,10 @@ struct LaneProgress {
 };
 
 /// LaneKernel::drive for some lanes of packets P, with S and a tree that the model has.
-template <class Tree, class S, class P>
+/// @tparam N  the numbers of setpoints: P, or what all lanes share.
+template <class Tree, class S, class P, class N>
 void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
-               std::span<const LaneSetpoint<P>> setpoints, const HeldSetpoints<P>& held,
+               std::span<const LaneSetpoint<N>> setpoints, const HeldSetpoints<N>& held,
                LaneState<P>& state_of_all, LaneWatch<P>& watch, LanesFrom<S> lanes) {
   const Tree tree(model);
   const std::size_t joints = tree.joints();
@@ -114,7 +117,7 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   typename LaneDynamics<S, P, Tree>::Numbers tau, qdd;
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
-  const LaneSetpoint<P>* before = held.data();
+  const LaneSetpoint<N>* before = held.data();
   // Drives of which the law is computed at every step, sees the velocity at once and is obeyed at
   // once are the rule. Else: of the backward Euler method between two evaluations; what the filter
   // and the current loop do lags by their constants.
@@ -131,7 +134,7 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
     followed[j] = between / (lanes(robot.joints[j].torque_lag) + between);
   }
   for (std::size_t k = 0; k + joints <= setpoints.size(); k += joints) {
-    const LaneSetpoint<P>* const now = setpoints.data() + k;
+    const LaneSetpoint<N>* const now = setpoints.data() + k;
     for (int i = 0; i < steps.per_tick; ++i) {
       // The middle of the time for which the law's torque is kept.
       const S since(h_s * (i - i % steps.law_every + 0.5 * steps.law_every));
@@ -304,9 +307,9 @@ void TakeLast(std::size_t joints, std::span<const LaneSetpoint<P>> setpoints,
 }
 
 /// LaneKernel::drive with S, some lanes after the other.
-template <class P, class S>
+template <class P, class S, class N = P>
 void DriveLanes(const LaneModel& model, const LaneRobot<P>& robot, const LaneSteps& steps,
-                std::span<const LaneSetpoint<P>> setpoints, HeldSetpoints<P>& held,
+                std::span<const LaneSetpoint<N>> setpoints, HeldSetpoints<N>& held,
                 LaneState<P>& state, LaneWatch<P>& watch) {
   WithTreeOf(model, [&]<class Tree>() {
     for (std::size_t first = 0; first < kLanesOf<P>; first += LanesFrom<S>::kLanes) {

@@ -2,7 +2,9 @@
 
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstddef>
+#include <type_traits>
 
 #if defined(__AVX512F__)
 #include <immintrin.h>
@@ -16,28 +18,37 @@ namespace tumbler {
 // What is compiled for vectors of one kind must not be linked for another: lane_kernel.cc.
 inline namespace TUMBLER_LANES_NAMESPACE {
 
-/// Vectors of the compiler's. (Their size cannot be a template's parameter.)
-template <std::size_t kWidth>
-struct NativeVector;
+/// What the bits of floating-point numbers mean (IEEE 754).
+template <class Real>
+struct RealFormat;
 template <>
-struct NativeVector<2> {
-  using Numbers = double __attribute__((vector_size(16)));
-  using Bits = long long __attribute__((vector_size(16)));
+struct RealFormat<double> {
+  using Integer = long long;
+  using Memory = Packet;
+  static constexpr int kSign = 63, kFraction = 52, kBias = 1023;
+  /// 1.5 * 2^52 has the last bit of a whole number where that of an integer is.
+  static constexpr double kToInteger = 6755399441055744.0;
 };
 template <>
-struct NativeVector<4> {
-  using Numbers = double __attribute__((vector_size(32)));
-  using Bits = long long __attribute__((vector_size(32)));
+struct RealFormat<float> {
+  using Integer = int;
+  using Memory = WidePacket;
+  static constexpr int kSign = 31, kFraction = 23, kBias = 127;
+  static constexpr float kToInteger = 12582912.0F;  // 1.5 * 2^23
 };
-template <>
-struct NativeVector<8> {
-  using Numbers = double __attribute__((vector_size(64)));
-  using Bits = long long __attribute__((vector_size(64)));
+
+/// Vectors of the compiler's.
+template <std::size_t kWidth, class Real>
+struct NativeVector {
+  using Integer = typename RealFormat<Real>::Integer;
+  using Numbers [[gnu::vector_size(kWidth * sizeof(Real))]] = Real;
+  using Bits [[gnu::vector_size(kWidth * sizeof(Real))]] = Integer;
 };
 
 /// Whether any of a vector's integers, of which all bits are set or none, is not zero.
 template <class Bits>
 [[gnu::always_inline]] inline bool AnySet(const Bits& bits) {
+  // What asks for the sign of every four bytes does for integers of eight, too.
 #if defined(__AVX512F__)
   if constexpr (sizeof(Bits) == 64) {
     const auto all = std::bit_cast<__m512i>(bits);
@@ -46,13 +57,13 @@ template <class Bits>
 #endif
 #if defined(__AVX__)
   if constexpr (sizeof(Bits) == 32)
-    return __builtin_ia32_movmskpd256(std::bit_cast<NativeVector<4>::Numbers>(bits)) != 0;
+    return __builtin_ia32_movmskps256(std::bit_cast<NativeVector<8, float>::Numbers>(bits)) != 0;
 #endif
 #if defined(__SSE2__)
   if constexpr (sizeof(Bits) == 16)
-    return __builtin_ia32_movmskpd(std::bit_cast<NativeVector<2>::Numbers>(bits)) != 0;
+    return __builtin_ia32_movmskps(std::bit_cast<NativeVector<4, float>::Numbers>(bits)) != 0;
 #endif
-  using Pair = typename NativeVector<2>::Bits;
+  using Pair = typename NativeVector<2, double>::Bits;
   constexpr std::size_t kPairs = sizeof(Bits) / 16;  // bytes
   const auto pairs = std::bit_cast<std::array<Pair, kPairs>>(bits);
   Pair any = pairs[0];
@@ -62,29 +73,34 @@ template <class Bits>
 
 /// Turns a sine and a cosine by so many quarters, which are whole numbers. They are exchanged where
 /// the number is odd; the sine's sign changes with the bit of 2, the cosine's with that of one
-/// more. Numbers are a double or a vector of these, Bits as many integers.
-template <class Numbers, class Bits>
+/// more. Numbers are a real number or a vector of these, Bits as many integers.
+template <class Real, class Numbers, class Bits>
 [[gnu::always_inline]] inline void TurnByQuarters(const Numbers& quarters, Numbers& sine,
                                                   Numbers& cosine) {
-  // 1.5 * 2^52 has the last bit of a whole number where that of an integer is.
-  const Bits n = std::bit_cast<Bits>(quarters + 6755399441055744.0);
-  const Bits odd = n << 63;
+  using Format = RealFormat<Real>;
+  const Bits n = std::bit_cast<Bits>(quarters + Format::kToInteger);
+  const Bits odd = n << Format::kSign;
   const Numbers s = odd < 0 ? cosine : sine, c = odd < 0 ? sine : cosine;
-  sine = std::bit_cast<Numbers>(std::bit_cast<Bits>(s) ^ ((n & 2) << 62));
-  cosine = std::bit_cast<Numbers>(std::bit_cast<Bits>(c) ^ (((n + 1) & 2) << 62));
+  sine = std::bit_cast<Numbers>(std::bit_cast<Bits>(s) ^ ((n & 2) << (Format::kSign - 1)));
+  cosine = std::bit_cast<Numbers>(std::bit_cast<Bits>(c) ^ (((n + 1) & 2) << (Format::kSign - 1)));
 }
 inline void TurnByQuarters(double quarters, double& sine, double& cosine) {
-  TurnByQuarters<double, long long>(quarters, sine, cosine);
+  TurnByQuarters<double, double, long long>(quarters, sine, cosine);
 }
 
 /// Lanes of a packet in one vector, which are computed with as one. The compiler turns the
 /// operations into those of the processor's vectors. Every lane gets the bits that the same
-/// operations on a double give: IEEE 754 rounds each lane alone, and nothing here crosses lanes.
-template <std::size_t kWidth>
+/// operations on a number give: IEEE 754 rounds each lane alone, and nothing here crosses lanes.
+/// @tparam Number  double, or float, of wide packets.
+template <std::size_t kWidth, class Number = double>
 struct Vector {
+  using Real = Number;
+  using Format = RealFormat<Real>;
+  /// In which the numbers are stored.
+  using Memory = typename Format::Memory;
   static constexpr std::size_t kLanes = kWidth;
-  using Numbers = typename NativeVector<kWidth>::Numbers;
-  using Bits = typename NativeVector<kWidth>::Bits;
+  using Numbers = typename NativeVector<kWidth, Real>::Numbers;
+  using Bits = typename NativeVector<kWidth, Real>::Bits;
   /// One truth value for each lane.
   struct Mask {
     Bits bits;
@@ -96,14 +112,14 @@ struct Vector {
   Vector() = default;
   explicit Vector(const Numbers& these) : numbers(these) {}
   /// The same number in all lanes.
-  explicit Vector(double all) : numbers(all - Numbers{}) {}
+  explicit Vector(double all) : numbers(static_cast<Real>(all) - Numbers{}) {}
   /// Those of a packet from lane `first` on.
-  static Vector Of(const Packet& packet, std::size_t first) {
+  static Vector Of(const Memory& packet, std::size_t first) {
     Vector v;
     __builtin_memcpy(&v.numbers, &packet.lanes[first], sizeof(Numbers));
     return v;
   }
-  void Put(Packet& packet, std::size_t first) const {
+  void Put(Memory& packet, std::size_t first) const {
     __builtin_memcpy(&packet.lanes[first], &numbers, sizeof(Numbers));
   }
 
@@ -130,7 +146,7 @@ struct Vector {
   }
   friend Vector Sqrt(const Vector& a) {
     Vector c;
-    for (std::size_t k = 0; k < kWidth; ++k) c.numbers[k] = __builtin_sqrt(a.numbers[k]);
+    for (std::size_t k = 0; k < kWidth; ++k) c.numbers[k] = std::sqrt(a.numbers[k]);
     return c;
   }
   /// Whether any lane of the mask is set.
@@ -138,11 +154,12 @@ struct Vector {
   /// 2 to the power of whole numbers, as that of scalar.h.
   friend Vector PowerOfTwo(const Vector& k) {
     return Vector(
-        std::bit_cast<Numbers>((std::bit_cast<Bits>(k.numbers + 6755399441055744.0) + 1023) << 52));
+        std::bit_cast<Numbers>((std::bit_cast<Bits>(k.numbers + Format::kToInteger) + Format::kBias)
+                               << Format::kFraction));
   }
   /// Turns a sine and a cosine by so many quarters, whole numbers.
   friend void TurnByQuarters(const Vector& quarters, Vector& sine, Vector& cosine) {
-    TurnByQuarters<Numbers, Bits>(quarters.numbers, sine.numbers, cosine.numbers);
+    TurnByQuarters<Real, Numbers, Bits>(quarters.numbers, sine.numbers, cosine.numbers);
   }
 };
 
@@ -150,6 +167,8 @@ struct Vector {
 /// that the other's take.
 template <class V>
 struct Two {
+  using Real = typename V::Real;
+  using Memory = typename V::Memory;
   static constexpr std::size_t kLanes = 2 * V::kLanes;
   struct Mask {
     typename V::Mask low, high;
@@ -161,10 +180,10 @@ struct Two {
   Two() = default;
   Two(const V& a, const V& b) : low(a), high(b) {}
   explicit Two(double all) : low(all), high(all) {}
-  static Two Of(const Packet& packet, std::size_t first) {
+  static Two Of(const Memory& packet, std::size_t first) {
     return {V::Of(packet, first), V::Of(packet, first + V::kLanes)};
   }
-  void Put(Packet& packet, std::size_t first) const {
+  void Put(Memory& packet, std::size_t first) const {
     low.Put(packet, first);
     high.Put(packet, first + V::kLanes);
   }
@@ -195,8 +214,10 @@ class LanesFrom {
  public:
   static constexpr std::size_t kLanes = S::kLanes;
   explicit LanesFrom(std::size_t first) : first_(first) {}
-  S operator()(const Packet& packet) const { return S::Of(packet, first_); }
-  void Put(const S& numbers, Packet& packet) const { numbers.Put(packet, first_); }
+  S operator()(const typename S::Memory& packet) const { return S::Of(packet, first_); }
+  /// What all lanes share.
+  S operator()(float all) const { return S(static_cast<double>(all)); }
+  void Put(const S& numbers, typename S::Memory& packet) const { numbers.Put(packet, first_); }
 
  private:
   std::size_t first_;
@@ -211,17 +232,42 @@ class LanesFrom<double> {
   void Put(double number, double& to) const { to = number; }
 };
 
+/// As portable::SineAndCosineInQuarter, in single precision, for |angle| < 1e3, to 1e-7: pi/2 in
+/// three parts [CW80], and the least polynomials of their degree within pi/4 (Cephes, sinf.c).
+template <class S>
+[[gnu::always_inline]] inline portable::QuarterTurn<S> SingleSineAndCosineInQuarter(
+    const S& angle) {
+  const S to_integer(RealFormat<float>::kToInteger);
+  const S quarters = (angle * S(0.636619772) + to_integer) - to_integer;
+  const S x = ((angle - quarters * S(1.5703125)) - quarters * S(4.837512969970703125e-4)) -
+              quarters * S(7.54978995489188216e-8);
+  const S z = x * x;
+  const S p = S(-1.6666654611e-1) + z * (S(8.3321608736e-3) + z * S(-1.9515295891e-4));
+  const S q =
+      S(4.166664568298827e-2) + z * (S(-1.388731625493765e-3) + z * S(2.443315711809948e-5));
+  return {quarters, x + x * (z * p), (S(1) - S(0.5) * z) + z * (z * q)};
+}
+
 /// Sine and cosine of an angle [rad], for |angle| < 1e5: the same operations in every lane, and the
-/// bits of portable::SinCos.
+/// bits of portable::SinCos; of wide packets as SingleSineAndCosineInQuarter.
 template <class S>
 struct SineAndCosine {
   S sine, cosine;
 
   explicit SineAndCosine(const S& angle) {
-    const auto [quarters, s, c] = portable::SineAndCosineInQuarter(angle);
+    const auto [quarters, s, c] = InQuarter(angle);
     sine = s;
     cosine = c;
     TurnByQuarters(quarters, sine, cosine);
+  }
+
+ private:
+  [[gnu::always_inline]] static portable::QuarterTurn<S> InQuarter(const S& angle) {
+    if constexpr (requires { typename S::Real; }) {
+      if constexpr (std::is_same_v<typename S::Real, float>)
+        return SingleSineAndCosineInQuarter(angle);
+    }
+    return portable::SineAndCosineInQuarter(angle);
   }
 };
 

@@ -74,7 +74,7 @@ class Campaign {
       promising = std::max(promising, CountPromising(samples_)) + problem_.search.promising;
       Draw(promising);
       Screen();
-      Finish(Candidates::kPromising);
+      if (options_.to == SolveTo::kMinimum) Finish(Candidates::kPromising);
     } while (missing() > 0 && static_cast<int>(samples_.size()) < problem_.search.max_samples &&
              tries_left() > 0 && !interrupted());
     if (missing() > 0) Finish(Candidates::kAll);
@@ -434,6 +434,7 @@ class Campaign {
   /// Number of finished motions that are still wanted: those that have converged away from cliffs
   /// count, and all good ones when there are more of them by kMoreStarts than wanted.
   [[nodiscard]] int missing() const {
+    if (options_.to == SolveTo::kScreened) return 0;
     const double limit = PromisingRank(samples_);
     int good = 0, calm = 0, converged = 0;
     for (const Solution& solution : solutions_) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "common/core/functions.h"
 #include "common/core/index.h"
@@ -107,13 +108,6 @@ std::vector<CapturedMotion> Capture(
     const std::function<void(int start, int motions, double loss)>& tell,
     const std::function<bool()>& ended) {
   const Ensemble judges = PartOf(robots, 0, kJudges);
-  std::vector<Led> led;
-  for (std::size_t i = 0; i < from.size() && !ended(); ++i) {
-    const auto covariance = ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
-    led.push_back({static_cast<int>(i),
-                   covariance ? CmaEs(from[i], *covariance, kPopulation, seed + i)
-                              : CmaEs(from[i], settings.reach_rad, kPopulation, seed + i)});
-  }
   const auto losses_of = [&](const std::vector<std::vector<double>>& motions, const Ensemble& some,
                              double half_rad_s) {
     std::vector<double> losses;
@@ -121,6 +115,21 @@ std::vector<CapturedMotion> Capture(
       losses.push_back(LossOf(arrival, half_rad_s));
     return losses;
   };
+  std::vector<std::size_t> order(from.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  if (order.size() > settings.started) {
+    const std::vector<double> losses = losses_of(from, judges, kWide_rad_s);
+    std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
+    order.resize(settings.started);
+  }
+  std::vector<Led> led;
+  for (const std::size_t i : order) {
+    if (ended()) break;
+    const auto covariance = ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
+    led.push_back({static_cast<int>(i),
+                   covariance ? CmaEs(from[i], *covariance, kPopulation, seed + i)
+                              : CmaEs(from[i], settings.reach_rad, kPopulation, seed + i)});
+  }
   const auto go_on = [&](Led& one, int generations, std::size_t packets) {
     for (int g = 0; g < generations && !ended(); ++g, ++one.generation) {
       const double part = std::min(1.0, one.generation / (kNarrowFrom * settings.generations));

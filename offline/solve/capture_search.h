@@ -35,10 +35,10 @@ enum class Telling : std::uint8_t {
 
 /// How motions are led to where robots arrive at rest.
 struct CaptureSettings {
-  std::size_t wanted =
-      1;                 ///< Of all motions half are led further each time, until so many are left.
-  int generations = 60;  ///< Of one that is left to the end.
-  double reach_rad = 0.2;  ///< See ArrivalCovariance.
+  std::size_t started = 10;  ///< Of all motions, those whose robots arrive nearest to rest are led.
+  std::size_t wanted = 1;    ///< Of those half are led further each time, until so many are left.
+  int generations = 60;      ///< Of one that is left to the end.
+  double reach_rad = 0.2;    ///< See ArrivalCovariance.
 };
 
 /// A motion that was led.

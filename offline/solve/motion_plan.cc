@@ -129,4 +129,15 @@ PacketSetpoints MotionPlanner::SetpointsOf(const std::vector<double>& x,
   return setpoints;
 }
 
+RankingSetpoints MotionPlanner::RankingSetpointsOf(const std::vector<double>& x,
+                                                   const MotionPlan& plan) const {
+  const auto ticks = Index(task_.LastTick(motion_.Ticks(x)));
+  RankingSetpoints setpoints(ticks * task_.joints);
+  motion_.Sample(x, ticks, RobustTask::kTick_s, [&](std::size_t i, const auto& at) {
+    setpoints[i] = {static_cast<float>(at.value), static_cast<float>(at.first),
+                    static_cast<float>(plan.FeedForward(i, task_.joints))};
+  });
+  return setpoints;
+}
+
 }  // namespace tumbler

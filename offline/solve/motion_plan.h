@@ -36,6 +36,9 @@ class MotionPlanner {
   /// What robots are told in a motion and the hold after it.
   [[nodiscard]] PacketSetpoints SetpointsOf(const std::vector<double>& x,
                                             const MotionPlan& plan) const;
+  /// The same for robots that a motion is ranked by.
+  [[nodiscard]] RankingSetpoints RankingSetpointsOf(const std::vector<double>& x,
+                                                    const MotionPlan& plan) const;
 
  private:
   /// Adds to the excess of plans how far they are from rest.

@@ -69,6 +69,24 @@ Ensemble EnsembleOf(const RobustTask& task, const RobotDraw& draw,
 
 }  // namespace
 
+RankingEnsemble ForRanking(const Ensemble& robots) {
+  RankingEnsemble wide;
+  wide.steps = robots.steps;
+  for (std::size_t j = 0; j < wide.held.size(); ++j) {
+    const LaneSetpoint<Packet>& held = robots.held[j];
+    wide.held[j] = {static_cast<float>(held.position.lane(0)),
+                    static_cast<float>(held.velocity.lane(0)),
+                    static_cast<float>(held.third.lane(0))};
+  }
+  const std::size_t packets = robots.robots.size();
+  for (std::size_t p = 0; p < packets; p += 2) {
+    const std::size_t next = (p + 1) % packets;
+    wide.robots.push_back(WidenLanes<LaneRobot>(robots.robots[p], robots.robots[next]));
+    wide.states.push_back(WidenLanes<LaneState>(robots.states[p], robots.states[next]));
+  }
+  return wide;
+}
+
 Ensemble PartOf(const Ensemble& robots, std::size_t first, std::size_t count) {
   Ensemble part;
   part.held = robots.held;

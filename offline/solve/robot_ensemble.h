@@ -18,6 +18,17 @@ struct Ensemble {
   LaneSteps steps;
 };
 
+/// The same robots in single precision, to rank motions by (RankingKernel).
+struct RankingEnsemble {
+  HeldSetpoints<float> held{};
+  std::vector<LaneRobot<WidePacket>> robots;
+  std::vector<LaneState<WidePacket>> states;
+  LaneSteps steps;
+};
+/// Where there is an odd number of packets, the robots of the first are in the last one, too.
+/// @pre no noise, and all lanes are held by the same setpoints
+[[nodiscard]] RankingEnsemble ForRanking(const Ensemble& robots);
+
 /// So many packets of an ensemble from one on; after the last comes the first.
 [[nodiscard]] Ensemble PartOf(const Ensemble& robots, std::size_t first, std::size_t count);
 

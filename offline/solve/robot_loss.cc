@@ -20,8 +20,9 @@ RobotLoss::RobotLoss(const Problem& problem) : target_rad_(*problem.target_pitch
   }
 }
 
-std::array<double, Packet::kLanes> RobotLoss::Off(const LaneState<Packet>& state) const {
-  std::array<double, Packet::kLanes> off;
+template <class P>
+std::array<double, P::kLanes> RobotLoss::Off(const LaneState<P>& state) const {
+  std::array<double, P::kLanes> off;
   for (std::size_t lane = 0; lane < off.size(); ++lane) {
     off[lane] = std::abs(state.q[kPitch].lane(lane) - target_rad_);
     for (const Place& place : places_) {
@@ -33,9 +34,13 @@ std::array<double, Packet::kLanes> RobotLoss::Off(const LaneState<Packet>& state
   return off;
 }
 
-std::array<double, Packet::kLanes> RobotLoss::Divergence(const LaneState<Packet>& state) const {
+template std::array<double, Packet::kLanes> RobotLoss::Off(const LaneState<Packet>&) const;
+template std::array<double, WidePacket::kLanes> RobotLoss::Off(const LaneState<WidePacket>&) const;
+
+template <class P>
+std::array<double, P::kLanes> RobotLoss::Divergence(const LaneState<P>& state) const {
   constexpr double kMost_rad_s = 20;
-  std::array<double, Packet::kLanes> divergence;
+  std::array<double, P::kLanes> divergence;
   for (std::size_t lane = 0; lane < divergence.size(); ++lane) {
     const double off_rad = state.q[kPitch].lane(lane) - target_rad_;
     const double rate_rad_s = kFalls_per_s * off_rad + state.v[kPitch].lane(lane);
@@ -44,6 +49,9 @@ std::array<double, Packet::kLanes> RobotLoss::Divergence(const LaneState<Packet>
   }
   return divergence;
 }
+template std::array<double, Packet::kLanes> RobotLoss::Divergence(const LaneState<Packet>&) const;
+template std::array<double, WidePacket::kLanes> RobotLoss::Divergence(
+    const LaneState<WidePacket>&) const;
 
 double RobotLoss::Of(double settled, double off, double speed, double astray) const {
   const double t = 0.96 * tolerance_rad_, w = 1.2 * CostTerm::kRateTolerance;

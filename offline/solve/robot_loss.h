@@ -37,7 +37,8 @@ class RobotLoss {
   ///
   /// [T09] T. Takenaka, T. Matsumoto, T. Yoshiike, Real Time Motion Generation and Control for
   /// Biped Robot, 1st Report, IROS 2009.
-  [[nodiscard]] std::array<double, Packet::kLanes> Divergence(const LaneState<Packet>& state) const;
+  template <class P>
+  [[nodiscard]] std::array<double, P::kLanes> Divergence(const LaneState<P>& state) const;
 
   [[nodiscard]] double target_rad() const { return target_rad_; }        ///< Of the pitch.
   [[nodiscard]] double tolerance_rad() const { return tolerance_rad_; }  ///< Likewise.
@@ -45,7 +46,9 @@ class RobotLoss {
   /// How far robots are from what the task asks for: from the target of the pitch [rad], or from a
   /// place, in as many radians as the tolerance of the pitch is of the place's. 1000 where that is
   /// not finite.
-  [[nodiscard]] std::array<double, Packet::kLanes> Off(const LaneState<Packet>& state) const;
+  /// @tparam P  Packet or WidePacket.
+  template <class P>
+  [[nodiscard]] std::array<double, P::kLanes> Off(const LaneState<P>& state) const;
 
   /// @param settled, off  Off when the settle phase ends, and later.
   /// @param speed         the root's largest, in the time that is watched [m/s, rad/s].

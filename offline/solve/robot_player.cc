@@ -47,9 +47,6 @@ class PacketPlay {
   }
 
   [[nodiscard]] std::array<double, Packet::kLanes> Off() const { return task_.loss.Off(state_); }
-  [[nodiscard]] std::array<double, Packet::kLanes> Divergence() const {
-    return task_.loss.Divergence(state_);
-  }
   [[nodiscard]] bool faulty(std::size_t lane) const { return faulty_[lane]; }
   /// The root's largest since the last Watch.
   [[nodiscard]] double speed(std::size_t lane) const { return watch_.root_speed.lane(lane); }
@@ -115,6 +112,72 @@ class PacketPlay {
   std::array<bool, Packet::kLanes> faulty_{};
 };
 
+/// Robots that a motion is ranked by on their way through it.
+class RankingPlay {
+ public:
+  RankingPlay(const RobustTask& task, const RankingEnsemble& ensemble, std::size_t packet,
+              const RankingMotion& motion)
+      : task_(task),
+        robots_(ensemble.robots[packet]),
+        steps_(ensemble.steps),
+        setpoints_(motion.setpoints),
+        state_(ensemble.states[packet]),
+        held_(ensemble.held) {}
+
+  [[nodiscard]] auto Off() const { return task_.loss.Off(state_); }
+  [[nodiscard]] auto Divergence() const { return task_.loss.Divergence(state_); }
+  [[nodiscard]] static bool faulty(std::size_t /*lane*/) { return false; }
+  [[nodiscard]] double speed(std::size_t lane) const { return watch_.root_speed.lane(lane); }
+  void Watch() { watch_ = {}; }
+
+  void Advance(int end) {
+    const auto first = Index(tick_) * task_.joints, last = Index(end) * task_.joints;
+    task_.ranking_kernel.drive(task_.lanes.model, robots_, steps_,
+                               setpoints_.subspan(first, last - first), held_, state_, watch_);
+    tick_ = end;
+  }
+
+ private:
+  const RobustTask& task_;
+  const LaneRobot<WidePacket>& robots_;
+  LaneSteps steps_;
+  std::span<const LaneSetpoint<float>> setpoints_;
+  LaneState<WidePacket> state_;
+  HeldSetpoints<float> held_;
+  LaneWatch<WidePacket> watch_{};
+  int tick_ = 0;
+};
+
+/// Plays a motion of so many ticks and its hold to the end.
+/// @param play  PacketPlay or RankingPlay.
+template <class Play>
+auto LossesOf(const RobustTask& task, Play& play, int ticks) {
+  const int settled_tick = ticks + RobustTask::Ticks(task.problem.settle_s);
+  const int end = task.LastTick(ticks);
+  auto losses = play.Off();
+  auto astray = losses;
+  astray.fill(0);
+  int looks = 0;
+  for (int tick = std::max(0, ticks - kBeforeEnd); tick < settled_tick; tick += kLookAtWay) {
+    play.Advance(tick);
+    const auto now = play.Off();
+    for (std::size_t lane = 0; lane < now.size(); ++lane) astray[lane] += std::min(1.0, now[lane]);
+    ++looks;
+  }
+  play.Advance(settled_tick);
+  const auto settled = play.Off();
+  play.Advance(end - RobustTask::Ticks(RobustTask::kWatched_s));
+  play.Watch();
+  play.Advance(end);
+  const auto off = play.Off();
+  for (std::size_t lane = 0; lane < losses.size(); ++lane) {
+    losses[lane] = play.faulty(lane) ? RobotLoss::kFault
+                                     : task.loss.Of(settled[lane], off[lane], play.speed(lane),
+                                                    astray[lane] / looks);
+  }
+  return losses;
+}
+
 /// Those of a primitive, as its hold goes on.
 PacketSetpoints SetpointsOf(const RobustTask& task, const Primitive<double>& motion) {
   const int end = task.LastTick(RobustTask::Ticks(motion.duration_s));
@@ -143,39 +206,23 @@ std::array<double, Packet::kLanes> RobotLosses(const RobustTask& task, const Ens
                                                std::size_t packet, const PacketMotion& motion,
                                                LaneDistances& distances) {
   PacketPlay play(task, ensemble, packet, motion, distances);
-  const int settled_tick = motion.ticks + RobustTask::Ticks(task.problem.settle_s);
-  const int end = task.LastTick(motion.ticks);
-  std::array<double, Packet::kLanes> astray{};
-  int looks = 0;
-  for (int tick = std::max(0, motion.ticks - kBeforeEnd); tick < settled_tick; tick += kLookAtWay) {
-    play.Advance(tick);
-    const std::array<double, Packet::kLanes> now = play.Off();
-    for (std::size_t lane = 0; lane < now.size(); ++lane) astray[lane] += std::min(1.0, now[lane]);
-    ++looks;
-  }
-  play.Advance(settled_tick);
-  const std::array<double, Packet::kLanes> settled = play.Off();
-  play.Advance(end - RobustTask::Ticks(RobustTask::kWatched_s));
-  play.Watch();
-  play.Advance(end);
-  const std::array<double, Packet::kLanes> off = play.Off();
-  std::array<double, Packet::kLanes> losses;
-  for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
-    losses[lane] = play.faulty(lane) ? RobotLoss::kFault
-                                     : task.loss.Of(settled[lane], off[lane], play.speed(lane),
-                                                    astray[lane] / looks);
-  }
-  return losses;
+  return LossesOf(task, play, motion.ticks);
 }
 
-std::array<std::array<double, Packet::kLanes>, 2> RobotDivergences(const RobustTask& task,
-                                                                   const Ensemble& ensemble,
-                                                                   std::size_t packet,
-                                                                   const PacketMotion& motion,
-                                                                   LaneDistances& distances) {
-  PacketPlay play(task, ensemble, packet, motion, distances);
+std::array<double, WidePacket::kLanes> RobotLosses(const RobustTask& task,
+                                                   const RankingEnsemble& ensemble,
+                                                   std::size_t packet,
+                                                   const RankingMotion& motion) {
+  RankingPlay play(task, ensemble, packet, motion);
+  return LossesOf(task, play, motion.ticks);
+}
+
+std::array<std::array<double, WidePacket::kLanes>, 2> RobotDivergences(
+    const RobustTask& task, const RankingEnsemble& ensemble, std::size_t packet,
+    const RankingMotion& motion) {
+  RankingPlay play(task, ensemble, packet, motion);
   play.Advance(motion.ticks + kSoonAfter);
-  const std::array<double, Packet::kLanes> soon = play.Divergence();
+  const std::array<double, WidePacket::kLanes> soon = play.Divergence();
   play.Advance(motion.ticks + kLaterOn);
   return {soon, play.Divergence()};
 }

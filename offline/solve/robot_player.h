@@ -35,13 +35,22 @@ struct PacketMotion {
                                                              const PacketMotion& motion,
                                                              LaneDistances& distances);
 
+/// What robots that it is ranked by are played along: no setpoint is corrected.
+struct RankingMotion {
+  const RankingSetpoints& setpoints;  ///< To RobustTask::LastTick.
+  int ticks = 0;                      ///< Of the motion; then comes its hold.
+};
+[[nodiscard]] std::array<double, WidePacket::kLanes> RobotLosses(const RobustTask& task,
+                                                                 const RankingEnsemble& ensemble,
+                                                                 std::size_t packet,
+                                                                 const RankingMotion& motion);
+
 /// Plays a motion until 0.25 s after its end.
 /// @returns RobotLoss::Divergence of each robot: soon after the end, and when it shows what comes
-/// of
-///          it.
-[[nodiscard]] std::array<std::array<double, Packet::kLanes>, 2> RobotDivergences(
-    const RobustTask& task, const Ensemble& ensemble, std::size_t packet,
-    const PacketMotion& motion, LaneDistances& distances);
+///          of it.
+[[nodiscard]] std::array<std::array<double, WidePacket::kLanes>, 2> RobotDivergences(
+    const RobustTask& task, const RankingEnsemble& ensemble, std::size_t packet,
+    const RankingMotion& motion);
 
 /// The numbers of the first robots of a draw that no motion of the task's complement carries.
 /// @param count  of robots, whole packets. Fewer, whole packets, are returned where so many are

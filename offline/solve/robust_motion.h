@@ -53,15 +53,20 @@ class RobustMotion {
               const Put& put) const {
     const auto splines = Splines(x);
     const double duration_s = Duration_s(x), haste = Haste(x);
-    for (std::size_t k = 0; k < steps; ++k) {
-      const double t = static_cast<double>(k) * step_s;
+    std::size_t k = 0;
+    for (double t = 0; k < steps && t < duration_s; t = static_cast<double>(++k) * step_s) {
       for (std::size_t j = 0; j < task_.joints; ++j) {
         auto at = splines[j].Evaluate(t * haste);
         at.first *= haste;
         at.second *= haste * haste;
-        if (t >= duration_s) at.first = at.second = 0;
         put(k * task_.joints + j, at);
       }
+    }
+    if (k == steps) return;
+    for (std::size_t j = 0; j < task_.joints; ++j) {
+      auto at = splines[j].Evaluate(static_cast<double>(k) * step_s * haste);
+      at.first = at.second = 0;
+      for (std::size_t held = k; held < steps; ++held) put(held * task_.joints + j, at);
     }
   }
 

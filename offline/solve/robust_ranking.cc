@@ -4,6 +4,7 @@
 #include <array>
 #include <iterator>
 #include <numeric>
+#include <type_traits>
 #include <utility>
 
 #include "common/core/index.h"
@@ -35,15 +36,17 @@ int PacketsOf(const std::vector<std::vector<double>>& motions) {
 
 }  // namespace
 
+template <class Setpoints>
 struct RobustRanking::Runner {
   std::size_t motion = 0;
   MotionPlan plan;
-  PacketSetpoints setpoints;
+  Setpoints setpoints;
   int ticks = 0;
   double sum = 0;
-  std::size_t packets = 0;
+  std::size_t robots = 0;   ///< Whose losses `sum` is of,
+  std::size_t packets = 0;  ///< in so many packets.
   [[nodiscard]] double loss() const {
-    return sum / static_cast<double>(packets * Packet::kLanes) + PenaltyOf(plan.excess);
+    return sum / static_cast<double>(robots) + PenaltyOf(plan.excess);
   }
 };
 
@@ -75,10 +78,11 @@ bool RobustRanking::IsPlayable(const std::vector<double>& x) const {
          Plans({x}).front().excess < kLittleExcess;
 }
 
-std::vector<RobustRanking::Runner> RobustRanking::RunnersOf(
+template <class Setpoints>
+std::vector<RobustRanking::Runner<Setpoints>> RobustRanking::RunnersOf(
     const std::vector<std::vector<double>>& motions, std::size_t first, SelfDistances& distances,
     std::vector<double>& losses) const {
-  std::vector<Runner> runners;
+  std::vector<Runner<Setpoints>> runners;
   std::vector<std::vector<double>> playable;
   const std::size_t end = std::min(motions.size(), first + Packet::kLanes);
   for (std::size_t i = first; i < end; ++i) {
@@ -90,26 +94,32 @@ std::vector<RobustRanking::Runner> RobustRanking::RunnersOf(
   if (playable.empty()) return {};
   std::vector<MotionPlan> plans = Plans(playable);
   for (std::size_t m = 0; m < playable.size(); ++m) {
-    runners[m].setpoints = planner_.SetpointsOf(playable[m], plans[m]);
+    if constexpr (std::is_same_v<Setpoints, RankingSetpoints>) {
+      runners[m].setpoints = planner_.RankingSetpointsOf(playable[m], plans[m]);
+    } else {
+      runners[m].setpoints = planner_.SetpointsOf(playable[m], plans[m]);
+    }
     runners[m].plan = std::move(plans[m]);
     runners[m].ticks = motion_.Ticks(playable[m]);
   }
   return runners;
 }
 
-double RobustRanking::SumOfLosses(const Runner& runner, const Ensemble& ensemble,
-                                  std::size_t packet, LaneDistances& distances) const {
-  const std::array<double, Packet::kLanes> losses = RobotLosses(
-      task_, ensemble, packet,
-      {runner.setpoints, runner.ticks, hold_ ? &runner.plan.feedback : nullptr}, distances);
-  return std::accumulate(losses.begin(), losses.end(), 0.0);
+std::array<double, Packet::kLanes> RobustRanking::LossesIn(const Runner<PacketSetpoints>& runner,
+                                                           const Ensemble& ensemble,
+                                                           std::size_t packet,
+                                                           LaneDistances& distances) const {
+  return RobotLosses(task_, ensemble, packet,
+                     {runner.setpoints, runner.ticks, hold_ ? &runner.plan.feedback : nullptr},
+                     distances);
 }
 
-double RobustRanking::Judge(const Runner& runner, const Ensemble& ensemble,
+double RobustRanking::Judge(const Runner<PacketSetpoints>& runner, const Ensemble& ensemble,
                             LaneDistances& distances) const {
   double sum = 0;
   for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
-    const double packet = SumOfLosses(runner, ensemble, p, distances);
+    const auto losses = LossesIn(runner, ensemble, p, distances);
+    const double packet = std::accumulate(losses.begin(), losses.end(), 0.0);
     // Of robots that other motions do not carry, eight may well fall with a good one.
     if (p == 0 && packet >= Packet::kLanes && task_.complement.empty())
       return packet / Packet::kLanes;
@@ -123,8 +133,8 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
   std::vector<double> losses(motions.size());
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     LaneDistances distances = DistancesOf(task_);
-    for (const Runner& runner :
-         RunnersOf(motions, Index(p) * Packet::kLanes, distances.front(), losses)) {
+    for (const auto& runner : RunnersOf<PacketSetpoints>(motions, Index(p) * Packet::kLanes,
+                                                         distances.front(), losses)) {
       double& loss = losses[runner.motion];
       loss += Judge(runner, ensemble, distances) + PenaltyOf(runner.plan.excess);
       // The model is none of these, and it has to do what the task asks.
@@ -139,24 +149,49 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
   return losses;
 }
 
+std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& motions,
+                                        const Ensemble& ensemble) const {
+  std::vector<double> losses(motions.size());
+  const RankingEnsemble robots = ForRanking(ensemble);
+  ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
+    SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
+    for (auto& runner :
+         RunnersOf<RankingSetpoints>(motions, Index(p) * Packet::kLanes, distances, losses)) {
+      for (; runner.packets < robots.robots.size(); ++runner.packets) {
+        const auto of_packet =
+            RobotLosses(task_, robots, runner.packets, {runner.setpoints, runner.ticks});
+        runner.sum += std::accumulate(of_packet.begin(), of_packet.end(), 0.0);
+        runner.robots += of_packet.size();
+        // Where all of the first packet fall, the others are not looked at.
+        if (runner.packets == 0 && runner.sum >= static_cast<double>(runner.robots)) break;
+      }
+      losses[runner.motion] += runner.loss();
+    }
+  });
+  return losses;
+}
+
 std::vector<RobustRanking::Arrival> RobustRanking::Arrivals(
     const std::vector<std::vector<double>>& motions, const Ensemble& ensemble) const {
   std::vector<Arrival> arrivals(motions.size());
   std::vector<double> penalties(motions.size());
+  const RankingEnsemble robots = ForRanking(ensemble);
+  const std::size_t count = 2 * ensemble.robots.size() * Packet::kLanes;  // of divergences
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
-    LaneDistances distances = DistancesOf(task_);
-    for (const Runner& runner :
-         RunnersOf(motions, Index(p) * Packet::kLanes, distances.front(), penalties)) {
+    SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
+    for (const auto& runner :
+         RunnersOf<RankingSetpoints>(motions, Index(p) * Packet::kLanes, distances, penalties)) {
       Arrival& arrival = arrivals[runner.motion];
       arrival.penalty = PenaltyOf(runner.plan.excess);
-      const PacketMotion motion{runner.setpoints, runner.ticks};
-      for (std::size_t packet = 0; packet < ensemble.robots.size(); ++packet) {
-        const auto [soon, later] = RobotDivergences(task_, ensemble, packet, motion, distances);
-        for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
+      const RankingMotion motion{runner.setpoints, runner.ticks};
+      for (std::size_t packet = 0; packet < robots.robots.size(); ++packet) {
+        const auto [soon, later] = RobotDivergences(task_, robots, packet, motion);
+        for (std::size_t lane = 0; lane < soon.size(); ++lane) {
           arrival.divergences.push_back(soon[lane]);
           arrival.divergences.push_back(later[lane]);
         }
       }
+      arrival.divergences.resize(count);  // without those of whom the last packet is filled up
     }
   });
   for (std::size_t i = 0; i < motions.size(); ++i) arrivals[i].penalty += penalties[i];
@@ -167,7 +202,7 @@ std::vector<double> RobustRanking::LossesOfRobots(const std::vector<double>& x,
                                                   const Ensemble& ensemble) const {
   std::vector<double> losses, penalties(1);
   LaneDistances distances = DistancesOf(task_);
-  for (const Runner& runner : RunnersOf({x}, 0, distances.front(), penalties)) {
+  for (const auto& runner : RunnersOf<PacketSetpoints>({x}, 0, distances.front(), penalties)) {
     for (std::size_t packet = 0; packet < ensemble.robots.size(); ++packet) {
       const auto of_packet =
           RobotLosses(task_, ensemble, packet, {runner.setpoints, runner.ticks}, distances);
@@ -212,38 +247,51 @@ double RobustRanking::WorstLoss(const std::vector<double>& x, const Ensemble& en
 
 std::vector<double> RobustRanking::Race(const std::vector<std::vector<double>>& motions,
                                         const Ensemble& ensemble, int generation) const {
-  const std::size_t packets = ensemble.robots.size();
+  if (!hold_) {
+    const RankingEnsemble robots = ForRanking(ensemble);
+    return RaceOn<RankingSetpoints>(
+        motions, robots.robots.size(), generation, [&](const auto& runner, std::size_t packet) {
+          return RobotLosses(task_, robots, packet, {runner.setpoints, runner.ticks});
+        });
+  }
+  return RaceOn<PacketSetpoints>(motions, ensemble.robots.size(), generation,
+                                 [&](const auto& runner, std::size_t packet) {
+                                   LaneDistances distances = DistancesOf(task_);
+                                   return LossesIn(runner, ensemble, packet, distances);
+                                 });
+}
+
+template <class Setpoints, class Losses>
+std::vector<double> RobustRanking::RaceOn(const std::vector<std::vector<double>>& motions,
+                                          std::size_t packets, int generation,
+                                          const Losses& losses_of) const {
   const std::size_t first = Index(generation) * (packets >> (kRungs - 1));
   std::vector<double> losses(motions.size());
-  std::vector<std::vector<Runner>> ready(Index(PacketsOf(motions)));
+  std::vector<std::vector<Runner<Setpoints>>> ready(Index(PacketsOf(motions)));
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
-    ready[Index(p)] = RunnersOf(motions, Index(p) * Packet::kLanes, distances, losses);
+    ready[Index(p)] = RunnersOf<Setpoints>(motions, Index(p) * Packet::kLanes, distances, losses);
   });
-  std::vector<Runner> runners;
-  for (std::vector<Runner>& some : ready)
-    std::move(some.begin(), some.end(), std::back_inserter(runners));
+  std::vector<Runner<Setpoints>> runners;
+  for (auto& some : ready) std::move(some.begin(), some.end(), std::back_inserter(runners));
   const std::vector<double> penalties = losses;
   for (double& loss : losses)
     if (loss >= RobustMotion::kUnplayable) loss += kDropped * kRungs;
-  const auto loss_of = [&](const Runner& runner) {
-    return penalties[runner.motion] + runner.loss();
-  };
+  const auto loss_of = [&](const auto& runner) { return penalties[runner.motion] + runner.loss(); };
   for (int rung = 0; rung < kRungs; ++rung) {
     const std::size_t goal = packets >> (kRungs - 1 - rung);
-    ParallelFor(
-        static_cast<int>(runners.size()), task_.options.threads, [&](int i, int /*thread*/) {
-          Runner& runner = runners[Index(i)];
-          LaneDistances distances = hold_ ? DistancesOf(task_) : LaneDistances{};
-          for (; runner.packets < goal; ++runner.packets) {
-            runner.sum +=
-                SumOfLosses(runner, ensemble, (first + runner.packets) % packets, distances);
-          }
-        });
+    ParallelFor(static_cast<int>(runners.size()), task_.options.threads,
+                [&](int i, int /*thread*/) {
+                  auto& runner = runners[Index(i)];
+                  for (; runner.packets < goal; ++runner.packets) {
+                    const auto robots = losses_of(runner, (first + runner.packets) % packets);
+                    runner.sum += std::accumulate(robots.begin(), robots.end(), 0.0);
+                    runner.robots += robots.size();
+                  }
+                });
     std::ranges::stable_sort(runners, {}, loss_of);
     const int dropped = kRungs - 1 - rung;
-    for (const Runner& runner : runners)
-      losses[runner.motion] = loss_of(runner) + kDropped * dropped;
+    for (const auto& runner : runners) losses[runner.motion] = loss_of(runner) + kDropped * dropped;
     if (dropped > 0) runners.resize((runners.size() + 1) / 2);
   }
   return losses;

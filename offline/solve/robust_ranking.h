@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -37,7 +38,13 @@ class RobustRanking {
                                              const Ensemble& ensemble) const {
     return Evaluate(motions, ensemble, Model::kCounts);
   }
-  /// How robots arrive in a motion.
+  /// The same in single precision, to order motions by.
+  /// @pre CanRank()
+  [[nodiscard]] std::vector<double> Rank(const std::vector<std::vector<double>>& motions,
+                                         const Ensemble& ensemble) const;
+  /// Whether nothing but robots judges motions, and none of them has a sensor.
+  [[nodiscard]] bool CanRank() const { return !hold_ && !task_.beside_model(); }
+  /// How robots arrive in a motion, in single precision.
   struct Arrival {
     double penalty = 0;  ///< For limits that the path, or its plan, does not keep.
     /// RobotDivergences of each robot, one after the other; empty where the motion cannot be
@@ -65,7 +72,8 @@ class RobustRanking {
   /// Losses of motions by which they can be ordered, by successive halving [JT16]: they are
   /// compared on a part of the robots, the better half of them on twice as many, and so on, at last
   /// on all. Those of the best are of the whole ensemble, those of others of a part, and higher.
-  /// Where a generation begins rotates, so that motions suit all robots and not the first ones.
+  /// Where a generation begins rotates, so that motions suit all robots and not the first ones. In
+  /// single precision where there are no gains.
   ///
   /// [JT16] K. Jamieson, A. Talwalkar, Non-stochastic Best Arm Identification and Hyperparameter
   /// Optimization, AISTATS 2016.
@@ -83,18 +91,28 @@ class RobustRanking {
   [[nodiscard]] std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
                                              const Ensemble& ensemble, Model model) const;
   /// A motion on its way through the packets of an ensemble.
+  /// @tparam Setpoints  PacketSetpoints, or RankingSetpoints.
+  template <class Setpoints>
   struct Runner;
   /// The motions of a packet, from the first on, whose paths keep their limits.
   /// @param losses  gets the penalties of all of them.
-  [[nodiscard]] std::vector<Runner> RunnersOf(const std::vector<std::vector<double>>& motions,
-                                              std::size_t first, SelfDistances& distances,
-                                              std::vector<double>& losses) const;
+  template <class Setpoints>
+  [[nodiscard]] std::vector<Runner<Setpoints>> RunnersOf(
+      const std::vector<std::vector<double>>& motions, std::size_t first, SelfDistances& distances,
+      std::vector<double>& losses) const;
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
-  [[nodiscard]] double Judge(const Runner& runner, const Ensemble& ensemble,
+  [[nodiscard]] double Judge(const Runner<PacketSetpoints>& runner, const Ensemble& ensemble,
                              LaneDistances& distances) const;
   /// Of a packet of an ensemble.
-  [[nodiscard]] double SumOfLosses(const Runner& runner, const Ensemble& ensemble,
-                                   std::size_t packet, LaneDistances& distances) const;
+  [[nodiscard]] std::array<double, Packet::kLanes> LossesIn(const Runner<PacketSetpoints>& runner,
+                                                            const Ensemble& ensemble,
+                                                            std::size_t packet,
+                                                            LaneDistances& distances) const;
+  /// Race, with the losses of a runner and a packet.
+  template <class Setpoints, class Losses>
+  [[nodiscard]] std::vector<double> RaceOn(const std::vector<std::vector<double>>& motions,
+                                           std::size_t packets, int generation,
+                                           const Losses& losses_of) const;
 
   const RobustTask& task_;
   const RobustMotion& motion_;

@@ -223,11 +223,11 @@ class RobustSearch {
   }
   /// The robots of the last improvement, or a part of them.
   /// @param series  of robots: 0, or another number for others than those.
-  [[nodiscard]] Ensemble PolishingRobots(int part, int series = 0) const {
-    const bool rough = task_.tunes() && part > 1;  // the last round corrects what that takes wrong
+  [[nodiscard]] Ensemble PolishingRobots(int part, int series = 0,
+                                         LaneSteps steps = RobustTask::kFine) const {
     return MakeEnsemble(
         std::max(task_.settings.polish_robots / part, static_cast<int>(Packet::kLanes)),
-        task_.settings.polish_scale, rough ? RobustTask::kRough : RobustTask::kFine, series);
+        task_.settings.polish_scale, steps, series);
   }
 
   std::vector<Candidate> WithPolished(std::vector<Candidate> best) {
@@ -238,16 +238,19 @@ class RobustSearch {
   std::vector<Candidate> Polish(std::vector<Candidate> from) {
     const RobustSettings& settings = task_.settings;
     std::vector<Candidate> polished;
+    const bool raced = RobustRanking::CanRace(Index(settings.polish_robots));
     for (int round = settings.polish_rounds - 1; round >= 0; --round) {
       if (from.empty() || interrupted()) break;
       ++stage_;
-      const Ensemble ensemble = PolishingRobots(1 << round);
+      // What rough steps take wrong is corrected by the last round, or by who is chosen at last.
+      const bool rough = task_.tunes() ? round > 0 : raced && task_.complement.empty();
+      const Ensemble ensemble =
+          PolishingRobots(1 << round, 0, rough ? RobustTask::kRough : RobustTask::kFine);
       from = {ImproveOne(from.front(), PolishingSearch(from.front().x, ensemble), 0, ensemble,
                          settings.generations)};
       polished = from;
       if (task_.tunes() && from.front().loss > Tuning::kNoUse) break;
     }
-    const bool raced = RobustRanking::CanRace(Index(settings.polish_robots));
     if (polished.empty() || !raced || !task_.complement.empty() || interrupted()) return polished;
     // The least of many losses is also that of the motion that suits these robots by chance.
     const std::vector<double> losses = Evaluate(elite_, PolishingRobots(1, 1));
@@ -363,6 +366,7 @@ class RobustSearch {
     SolveOptions silent;
     silent.threads = task_.options.threads;
     silent.interrupt = task_.options.interrupt;
+    silent.to = SolveTo::kScreened;
     const Ensemble robots =
         MakeEnsemble(Capturing::kJudges, settings.polish_scale, RobustTask::kRough);
     Telling telling = Telling::kUnknown;
@@ -378,12 +382,16 @@ class RobustSearch {
       }
       const SolveOutcome outcome = Solve(problem, silent);
       evaluations_ += outcome.evaluations;
-      if (outcome.solutions.empty()) continue;
-      const Solution& best = outcome.solutions.front();
-      found.push_back({motion_.Reduce(best.x, problem.duration_s), best.rollout.cost});
-      Show(SearchStage::kModel, i, best.rollout.cost);
-      if (telling == Telling::kUnknown) telling = DivergenceTells(ranking_, found.back().x, robots);
-      if (telling == Telling::kNo) return {};
+      double least = std::numeric_limits<double>::infinity();
+      for (const Solution& solution : outcome.solutions) {
+        if (!solution.rollout.finite) continue;
+        least = std::min(least, solution.rollout.cost);
+        found.push_back({motion_.Reduce(solution.x, problem.duration_s), solution.rollout.cost});
+        if (telling == Telling::kUnknown)
+          telling = DivergenceTells(ranking_, found.back().x, robots);
+        if (telling == Telling::kNo) return {};
+      }
+      if (!outcome.solutions.empty()) Show(SearchStage::kModel, i, least);
     }
     SortByLoss(found);
     return found;
@@ -398,7 +406,9 @@ class RobustSearch {
     const std::vector<CapturedMotion> led = Capture(
         ranking_, from,
         MakeEnsemble(Capturing::kRobots, task_.settings.polish_scale, RobustTask::kRough),
-        {.wanted = Index(task_.settings.improved), .generations = task_.settings.generations},
+        {.started = Index(task_.settings.starts),
+         .wanted = Index(task_.settings.improved),
+         .generations = task_.settings.generations},
         SeedOf(0),
         [this](int start, int motions, double loss) {
           evaluations_ += motions;
@@ -559,7 +569,8 @@ class RobustSearch {
     const std::ptrdiff_t kept =
         static_cast<std::ptrdiff_t>(from.x.size()) - static_cast<std::ptrdiff_t>(search.size());
     const auto begin = from.x.begin() + kept;
-    Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
+    const Candidate at_first{from.x, Evaluate({from.x}, ensemble).front()};
+    Candidate best = at_first;
     elite_ = {from.x};
     TuningEnd tuned;
     for (int g = 0; g < generations && !interrupted(); ++g) {
@@ -576,6 +587,9 @@ class RobustSearch {
       } else if (task_.tunes()) {
         losses = ranking_.EvaluateHalf(motions, ensemble, g);
         evaluations_ += static_cast<std::int64_t>(motions.size() + (motions.size() + 1) / 2);
+      } else if (ranking_.CanRank()) {
+        losses = ranking_.Rank(motions, ensemble);
+        evaluations_ += static_cast<std::int64_t>(motions.size());
       } else {
         losses = Evaluate(motions, ensemble);
       }
@@ -587,6 +601,11 @@ class RobustSearch {
       search.Tell(losses);
       Tell(false, start, best.loss);
       if (search.sigma() < Improving::kLeastSigma) break;
+    }
+    if (!races && ranking_.CanRank() && elite_.size() > 1) {
+      // Single precision has ordered motions, and judges none.
+      best.loss = Evaluate({best.x}, ensemble).front();
+      if (best.loss > at_first.loss) best = at_first;
     }
     if (elite_.size() >= Improving::kElite)
       elite_.erase(elite_.begin(), elite_.end() - (Improving::kElite - 1));

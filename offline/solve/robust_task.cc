@@ -38,6 +38,7 @@ RobustTask::RobustTask(const Problem& of, const SolveOptions& with,
       options(with),
       complement(tried_before),
       kernel(*PacketKernels().front()),
+      ranking_kernel(*RankingKernels().front()),
       lanes(LanesOf(of)),
       joints(of.joints.size()),
       loss(of) {}

@@ -16,6 +16,8 @@ namespace tumbler {
 
 /// What the robots of a packet are told: one for each tick, or step, and joint, joint by joint.
 using PacketSetpoints = std::vector<LaneSetpoint<Packet>>;
+/// What all robots are told that a motion is ranked by, likewise.
+using RankingSetpoints = std::vector<LaneSetpoint<float>>;
 
 /// The scene of a problem in lanes, with a robot that differs from the model; by default the model.
 [[nodiscard]] LaneScene LanesOf(const Problem& problem, const RobotVariation& variation = {});
@@ -43,6 +45,7 @@ struct RobustTask {
   /// Motions that are tried before the one that is searched: see SolveRobust.
   std::span<const Primitive<double>> complement;
   const LaneKernel<Packet>& kernel;
+  const RankingKernel& ranking_kernel;
   LaneScene lanes;  ///< The scene, with the model in it.
   std::size_t joints;
   RobotLoss loss;

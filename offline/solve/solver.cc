@@ -132,6 +132,12 @@ void Converge(const Problem& problem, const SolveOptions& options, SolveOutcome&
 /// Finds a motion with few control points, and refines what is good enough of it.
 SolveOutcome SolveWithManyPoints(const Problem& problem, const SolveOptions& options) {
   const Problem coarse = WithFewPoints(problem);
+  if (options.to == SolveTo::kScreened) {
+    SolveOutcome outcome = RunCampaign(coarse, options);
+    for (Solution& solution : outcome.solutions)
+      solution.x = WithControlPointsOf(problem, coarse, solution.x);
+    return outcome;
+  }
   std::mutex mutex;
   std::map<int, std::pair<Solution, std::vector<Evaluation>>> refined;  // by start
   const auto refine = [&](const Solution& solution) {

@@ -113,9 +113,16 @@ struct Solution {
   }
 };
 
+/// How far `Solve` takes motions.
+enum class SolveTo : std::uint8_t {
+  kMinimum,  ///< As far as it says.
+  kScreened  ///< Through screening alone: what comes of it is changed further by others.
+};
+
 /// Options of `Solve`. They do not change the result, unless it is interrupted, `contact` gives
-/// another contact model, or `accept` or `calm` objects to a motion.
+/// another contact model, `accept` or `calm` objects to a motion, or `to` says so.
 struct SolveOptions {
+  SolveTo to = SolveTo::kMinimum;
   int threads = 1;
   /// Set it from any thread to stop early; may be null.
   std::atomic<bool>* interrupt = nullptr;

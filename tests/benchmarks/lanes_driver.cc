@@ -1,7 +1,7 @@
 // The program in which scripts/count-instructions counts what robots in lanes take. It plays the
 // shipped handstand and its hold through drives, calls the counted function once, and prints how
 // many steps of integration that was, or stages of them.
-// usage: lanes_driver drive|classically KERNEL
+// usage: lanes_driver drive|classically|rank KERNEL
 // KERNEL: one (robot), or what kernels for packets are called: SSE2, AVX2
 
 #include <array>
@@ -35,6 +35,16 @@ template <class S>
     LaneWatch<S> watch{};
     kernel.drive(model, robot, kSteps, setpoints, held, state, watch);
   }
+}
+
+[[gnu::noinline]] void CountedRanking(const RankingKernel& kernel, const LaneModel& model,
+                                      const LaneRobot<WidePacket>& robot,
+                                      std::span<const LaneSetpoint<float>> setpoints,
+                                      LaneState<WidePacket>& state) {
+  HeldSetpoints<float> held{};
+  for (std::size_t j = 0; j < model.joints; ++j) held[j] = setpoints[j];
+  LaneWatch<WidePacket> watch{};
+  kernel.drive(model, robot, kSteps, setpoints, held, state, watch);
 }
 
 double Of(double all, double /*like*/) { return all; }
@@ -83,7 +93,49 @@ int Count(const LaneKernel<S>& kernel, bool classically) {
   return 0;
 }
 
+/// Sixteen robots in single precision.
+int CountRanking(const RankingKernel& kernel) {
+  const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
+  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
+  std::array<LaneRobot<double>, Packet::kLanes> robots;
+  robots.fill(scene.robot);
+  const LaneRobot<Packet> eight = PackLanes<LaneRobot>(robots);
+  LaneState<double> start{};
+  start.q[0] = file.entry.root_x_m;
+  start.q[1] = file.entry.root_z_m;
+  start.q[2] = file.entry.root_pitch_rad;
+  for (std::size_t j = 0; j < scene.model.joints; ++j)
+    start.q[3 + j] = file.entry.joint_positions_rad[j];
+  std::array<LaneState<double>, Packet::kLanes> states;
+  states.fill(start);
+  const LaneState<Packet> eight_states = PackLanes<LaneState>(states);
+  LaneState<WidePacket> state = WidenLanes<LaneState>(eight_states, eight_states);
+  std::vector<LaneSetpoint<float>> setpoints;
+  const auto ticks = static_cast<int>((file.primitive.duration_s + 0.5) / kSteps.tick_s);
+  for (int k = 0; k < ticks; ++k) {
+    const double t = kSteps.tick_s * k;
+    for (const JointMotion<double>& joint : file.primitive.motions()) {
+      const auto at = joint.position.Evaluate(t);
+      const double velocity = t < file.primitive.duration_s ? at.first : 0;
+      setpoints.push_back({static_cast<float>(at.value), static_cast<float>(velocity),
+                           static_cast<float>(joint.torque.Evaluate(t).value)});
+    }
+  }
+  CountedRanking(kernel, scene.model, WidenLanes<LaneRobot>(eight, eight), setpoints, state);
+  if (!(std::abs(state.q[2].lane(0) - file.exit.root_pitch_rad) < 0.1)) {
+    std::fputs("lanes_driver: the robot fell\n", stderr);
+    return 1;
+  }
+  std::printf("%d\n", ticks * kSteps.per_tick);
+  return 0;
+}
+
 int Main(std::string_view what, std::string_view name) {
+  if (what == "rank") {
+    for (const RankingKernel* kernel : RankingKernels())
+      if (name == kernel->name) return CountRanking(*kernel);
+  }
   const bool classically = what == "classically";
   if (name == "one") return Count(OneRobotKernel(), classically);
   for (const LaneKernel<Packet>* kernel : PacketKernels())

@@ -86,6 +86,33 @@ TEST(RobustRanking, AMotionThatCanBePlayedIsNoWorseThanOneThatCannot) {
   EXPECT_GT(hard, 3);
 }
 
+TEST(RobustRanking, RanksInSinglePrecisionAsRobotsInDoublePrecisionJudge) {
+  const Shipped shipped("primitives/tasks/handstand.toml", "primitives/handstand.toml");
+  for (const std::size_t packets : {std::size_t{5}, std::size_t{16}}) {  // one is filled up
+    const Ensemble robots = shipped.Robots(packets, 6);
+    std::vector<std::vector<double>> motions(1, shipped.motion());
+    for (std::size_t i = 0; i < 6; ++i) {
+      motions.push_back(motions.front());
+      motions.back()[i] += 0.004;
+    }
+    std::vector<double> hopeless = shipped.motion();
+    for (double& x : hopeless) x += 0.1;
+    motions.push_back(hopeless);
+    std::vector<double> beyond = shipped.motion();
+    beyond[4] = 10;
+    motions.push_back(beyond);
+    const std::vector<double> judged = shipped.ranking().Evaluate(motions, robots);
+    const std::vector<double> ranked = shipped.ranking().Rank(motions, robots);
+    ASSERT_EQ(ranked.size(), motions.size());
+    if (packets % 2 == 0) {
+      // At most two robots of 128 end otherwise.
+      for (std::size_t m = 0; m < 7; ++m) EXPECT_NEAR(ranked[m], judged[m], 0.02) << m;
+    }
+    EXPECT_GT(ranked[7], ranked[0] + 0.2);
+    EXPECT_GE(ranked[8], RobustMotion::kUnplayable);
+  }
+}
+
 TEST(RobotLoss, DivergenceIsWhatGrowsOfAPendulumsMotion) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand_first.toml"));
   const RobotLoss loss(task.problem);
@@ -176,6 +203,20 @@ TEST(ArrivalCovariance, KeepsSmallWhatChangesHowRobotsArriveAndNothingElse) {
   const auto fallen = handstand.ranking().Arrivals({blind}, others).front().divergences;
   ASSERT_FALSE(fallen.empty());
   EXPECT_GT(MeanSquare(arrivals[0].divergences, fallen), 0.5 * 0.5);
+}
+
+TEST(Capture, LeadsOfManyMotionsThoseWhoseRobotsArriveNearestToRest) {
+  const Shipped handstand;
+  std::vector<double> far = handstand.motion();
+  for (double& x : far) x += 0.02;
+  std::vector<std::vector<double>> from(4, far);
+  from[2] = handstand.motion();
+  std::vector<int> started;
+  const std::vector<CapturedMotion> led = Capture(
+      handstand.ranking(), from, handstand.Robots(8, 3), {.started = 1, .generations = 1}, 1,
+      [&](int start, int, double) { started.push_back(start); }, [] { return false; });
+  EXPECT_EQ(led.size(), 1U);
+  EXPECT_EQ(started, std::vector<int>{2});
 }
 
 TEST(Capture, LeadsTheModelsHandstandToWhereMoreRobotsComeToRest) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -132,6 +133,110 @@ TEST(Lanes, EveryLaneOfEveryKernelGetsTheBitsOfOneRobotAlone) {
       EXPECT_TRUE(SameBits(LaneOf<LaneWatch>(watch, lane), seen[lane])) << kernel->name << lane;
     }
   }
+}
+
+std::vector<LaneSetpoint<float>> InSinglePrecision(
+    const std::vector<LaneSetpoint<double>>& setpoints) {
+  std::vector<LaneSetpoint<float>> single;
+  single.reserve(setpoints.size());
+  for (const LaneSetpoint<double>& s : setpoints) {
+    single.push_back({static_cast<float>(s.position), static_cast<float>(s.velocity),
+                      static_cast<float>(s.third)});
+  }
+  return single;
+}
+
+/// Sixteen robots that a motion is ranked by, at the beginning of their motion.
+struct Ranked {
+  LaneRobot<WidePacket> robots;
+  LaneState<WidePacket> state;
+  LaneWatch<WidePacket> watch;
+};
+Ranked RankedOf(const std::array<LaneRobot<double>, 2 * kLanes>& robots,
+                const PrimitiveFile& file) {
+  std::array<LaneRobot<double>, kLanes> low, high;
+  std::array<LaneState<double>, kLanes> states;
+  std::copy_n(robots.begin(), kLanes, low.begin());
+  std::copy_n(robots.begin() + kLanes, kLanes, high.begin());
+  states.fill(EntryState(file));
+  const LaneState<Packet> state = PackLanes<LaneState>(states);
+  return {WidenLanes<LaneRobot>(PackLanes<LaneRobot>(low), PackLanes<LaneRobot>(high)),
+          WidenLanes<LaneState>(state, state), LaneWatch<WidePacket>{}};
+}
+
+TEST(Lanes, RobotsForRankingHaveTheSameBitsWithEveryVectorAndInEveryLane) {
+  const PrimitiveFile file = HandstandFile();
+  Scene with_stone = TaskOf(file).problem.scene;
+  with_stone.obstacles.push_back(
+      {"stone", Shape<Plane>::Box({-0.2, 0}, {}, Plane::Vector(0.3, 0.004))});
+  const LaneScene scene = MakeLaneScene(with_stone, {});
+  const auto setpoints = InSinglePrecision(SetpointsOf(file.primitive, 0.5));
+  std::mt19937_64 random(3);
+  std::array<LaneRobot<double>, 2 * kLanes> robots;
+  for (LaneRobot<double>& robot : robots) robot = RandomRobot(scene, random);
+  const auto play = [&](const RankingKernel& kernel) {
+    Ranked ranked = RankedOf(robots, file);
+    HeldSetpoints<float> held{};
+    kernel.drive(scene.model, ranked.robots, {}, setpoints, held, ranked.state, ranked.watch);
+    return ranked;
+  };
+  ASSERT_FALSE(RankingKernels().empty());
+  const Ranked first = play(*RankingKernels().back());
+  for (const RankingKernel* kernel : RankingKernels()) {
+    const Ranked other = play(*kernel);
+    EXPECT_TRUE(SameBits(first.state, other.state)) << kernel->name;
+    EXPECT_TRUE(SameBits(first.watch, other.watch)) << kernel->name;
+  }
+  std::ranges::rotate(robots, robots.begin() + 5);
+  const Ranked turned = play(*RankingKernels().front());
+  for (std::size_t lane = 0; lane < robots.size(); ++lane) {
+    const std::size_t before = (lane + 5) % robots.size();
+    ASSERT_TRUE(std::isfinite(turned.state.q[2].lane(lane)));
+    for (std::size_t d = 0; d < scene.model.joints + 3; ++d)
+      EXPECT_EQ(turned.state.q[d].lane(lane), first.state.q[d].lane(before)) << lane;
+  }
+}
+
+TEST(Lanes, RobotsForRankingComeToWhatThoseInDoublePrecisionComeTo) {
+  const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/handstand.toml"));
+  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {.kp = 40, .kd = 5});
+  const auto setpoints = SetpointsOf(file.primitive, 1.0);
+  const auto single = InSinglePrecision(setpoints);
+  std::mt19937_64 random(4);
+  int stand = 0, fall = 0, differ = 0;
+  for (int packet = 0; packet < 30; ++packet) {
+    std::array<LaneRobot<double>, 2 * kLanes> robots;
+    robots.fill(scene.robot);
+    for (LaneRobot<double>& robot : robots) {
+      for (std::size_t b = 0; b <= scene.model.joints; ++b)
+        robot.bodies[b].mass *= Uniform(random, 0.8, 1.2);
+      robot.mu *= Uniform(random, 0.4, 1.6);
+      robot.stiffness *= Uniform(random, 0.4, 1.6);
+    }
+    Ranked ranked = RankedOf(robots, file);
+    HeldSetpoints<float> held{};
+    RankingKernels().front()->drive(scene.model, ranked.robots, {}, single, held, ranked.state,
+                                    ranked.watch);
+    for (std::size_t lane = 0; lane < robots.size(); ++lane) {
+      LaneState<double> state = EntryState(file);
+      LaneWatch<double> watch{};
+      HeldSetpoints<double> own{};
+      OneRobotKernel().drive(scene.model, robots[lane], {}, setpoints, own, state, watch);
+      const auto stands = [](double pitch) { return std::abs(pitch - std::numbers::pi / 2) < 0.2; };
+      const bool one = stands(state.q[2]), other = stands(ranked.state.q[2].lane(lane));
+      ++(one ? stand : fall);
+      if (one != other) {
+        ++differ;
+        continue;
+      }
+      if (!one) continue;
+      EXPECT_NEAR(ranked.state.q[2].lane(lane), state.q[2], 0.02) << packet << ' ' << lane;
+      EXPECT_NEAR(ranked.watch.depth.lane(lane), watch.depth, 0.02 * watch.depth);
+    }
+  }
+  EXPECT_GT(stand, 100);
+  EXPECT_GT(fall, 50);
+  EXPECT_LE(differ, 1) << "of " << stand + fall;
 }
 
 TEST(Lanes, MotionsByTheClassicalMethodHaveTheSameBitsInEveryLaneToo) {
@@ -433,6 +538,24 @@ TEST(Lanes, SinesAndCosinesAreThoseOfTheMathematicalLibraryToRounding) {
     EXPECT_NEAR(both.sine, std::sin(quarter * std::numbers::pi / 2), 1e-15);
     EXPECT_NEAR(both.cosine, std::cos(quarter * std::numbers::pi / 2), 1e-15);
   }
+}
+
+TEST(Lanes, SinesAndCosinesForRankingAreRightToSinglePrecision) {
+  using Four = Vector<4, float>;
+  std::mt19937_64 random(6);
+  double worst = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    WidePacket angles;
+    for (std::size_t lane = 0; lane < WidePacket::kLanes; ++lane)
+      angles.set_lane(lane, Uniform(random, -1, 1) * std::pow(10.0, Uniform(random, -3, 2)));
+    const SineAndCosine<Four> both(Four::Of(angles, 4));
+    for (std::size_t lane = 0; lane < Four::kLanes; ++lane) {
+      const double angle = angles.lane(4 + lane);
+      worst = std::max(worst, std::abs(both.sine.numbers[lane] - std::sin(angle)));
+      worst = std::max(worst, std::abs(both.cosine.numbers[lane] - std::cos(angle)));
+    }
+  }
+  EXPECT_LT(worst, 1.5e-7);
 }
 
 std::string RefusalOf(const Scene& scene) {

@@ -357,6 +357,18 @@ TEST(Solve, SaysWhetherAnythingWasTouched) {
   EXPECT_TRUE(Solve(Parsed(QuickTask()), {}).solutions.front().rollout.any_contact);
 }
 
+TEST(Solve, WhatIsOnlyScreenedIsThereSoonerAndMayBeLedFurther) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
+  SolveOptions options;
+  const SolveOutcome solved = Solve(task.problem, options);
+  options.to = SolveTo::kScreened;
+  const SolveOutcome screened = Solve(task.problem, options);
+  EXPECT_LT(screened.evaluations, solved.evaluations);
+  ASSERT_EQ(screened.solutions.size(), static_cast<std::size_t>(task.problem.search.refine));
+  for (const Solution& solution : screened.solutions) EXPECT_FALSE(solution.finished);
+  EXPECT_LT(screened.solutions.front().rollout.cost, 0.1) << "the robot does not arrive upright";
+}
+
 TEST(Solve, ThreadsChangeNothing) {
   const Problem problem = Parsed(QuickTask());
   const SolveOutcome one = Solve(problem, {});
