@@ -120,16 +120,14 @@ double RobustRanking::Judge(const Runner<PacketSetpoints>& runner, const Ensembl
   for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
     const auto losses = LossesIn(runner, ensemble, p, distances);
     const double packet = std::accumulate(losses.begin(), losses.end(), 0.0);
-    // Of robots that other motions do not carry, eight may well fall with a good one.
-    if (p == 0 && packet >= Packet::kLanes && task_.complement.empty())
-      return packet / Packet::kLanes;
+    if (p == 0 && AllFall(packet, Packet::kLanes)) return packet / Packet::kLanes;
     sum += packet;
   }
   return sum / static_cast<double>(ensemble.robots.size() * Packet::kLanes);
 }
 
 std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double>>& motions,
-                                            const Ensemble& ensemble, Model model) const {
+                                            const Ensemble& ensemble) const {
   std::vector<double> losses(motions.size());
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     LaneDistances distances = DistancesOf(task_);
@@ -137,38 +135,53 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
                                                          distances.front(), losses)) {
       double& loss = losses[runner.motion];
       loss += Judge(runner, ensemble, distances) + PenaltyOf(runner.plan.excess);
-      // The model is none of these, and it has to do what the task asks.
-      if (model == Model::kIsLeftOut) continue;
-      if (task_.tunes() && loss > RobotLoss::kHopeless) {
-        loss += 1;  // as if it fell: a motion that far off is not looked at more closely
-      } else if (task_.beside_model()) {
-        loss += std::max(0.0, Judge(runner, fine_model_, distances) - RobotLoss::kCalm);
-      }
+      if (task_.beside_model()) AddModel(runner, distances, loss);
     }
   });
   return losses;
 }
 
 std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& motions,
-                                        const Ensemble& ensemble) const {
+                                        const Ensemble& ensemble, Model model) const {
   std::vector<double> losses(motions.size());
   const RankingEnsemble robots = ForRanking(ensemble);
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
-    SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
-    for (auto& runner :
-         RunnersOf<RankingSetpoints>(motions, Index(p) * Packet::kLanes, distances, losses)) {
+    LaneDistances distances = DistancesOf(task_);
+    for (auto& runner : RunnersOf<RankingSetpoints>(motions, Index(p) * Packet::kLanes,
+                                                    distances.front(), losses)) {
       for (; runner.packets < robots.robots.size(); ++runner.packets) {
         const auto of_packet =
             RobotLosses(task_, robots, runner.packets, {runner.setpoints, runner.ticks});
         runner.sum += std::accumulate(of_packet.begin(), of_packet.end(), 0.0);
         runner.robots += of_packet.size();
-        // Where all of the first packet fall, the others are not looked at.
-        if (runner.packets == 0 && runner.sum >= static_cast<double>(runner.robots)) break;
+        if (runner.packets == 0 && AllFall(runner.sum, runner.robots)) break;
       }
-      losses[runner.motion] += runner.loss();
+      double& loss = losses[runner.motion];
+      loss += runner.loss();
+      if (!task_.beside_model() || model == Model::kIsLeftOut) continue;
+      const Runner<PacketSetpoints> exact{
+          .motion = runner.motion,
+          .plan = runner.plan,
+          .setpoints = planner_.SetpointsOf(motions[runner.motion], runner.plan),
+          .ticks = runner.ticks};
+      AddModel(exact, distances, loss);
     }
   });
   return losses;
+}
+
+bool RobustRanking::AllFall(double sum, std::size_t robots) const {
+  // Of robots that other motions do not carry, a packet may well fall with a good one.
+  return sum >= static_cast<double>(robots) && task_.complement.empty();
+}
+
+void RobustRanking::AddModel(const Runner<PacketSetpoints>& runner, LaneDistances& distances,
+                             double& loss) const {
+  if (task_.tunes() && loss > RobotLoss::kHopeless) {
+    loss += 1;  // as if it fell: a motion that far off is not looked at more closely
+  } else {
+    loss += std::max(0.0, Judge(runner, fine_model_, distances) - RobotLoss::kCalm);
+  }
 }
 
 std::vector<RobustRanking::Arrival> RobustRanking::Arrivals(
@@ -212,10 +225,11 @@ std::vector<double> RobustRanking::LossesOfRobots(const std::vector<double>& x,
   return losses;
 }
 
-std::vector<double> RobustRanking::EvaluateHalf(const std::vector<std::vector<double>>& motions,
-                                                const Ensemble& ensemble, int generation) const {
-  const Ensemble some = PartOf(ensemble, Index(generation), 1);
-  std::vector<double> losses = Evaluate(motions, some, Model::kIsLeftOut);
+std::vector<double> RobustRanking::RankHalf(const std::vector<std::vector<double>>& motions,
+                                            const Ensemble& ensemble, int generation) const {
+  constexpr std::size_t kSome = WidePacket::kLanes / Packet::kLanes;
+  const Ensemble some = PartOf(ensemble, Index(generation) * kSome, kSome);
+  std::vector<double> losses = Rank(motions, some, Model::kIsLeftOut);
   std::vector<std::size_t> order(motions.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
@@ -224,7 +238,7 @@ std::vector<double> RobustRanking::EvaluateHalf(const std::vector<std::vector<do
   better.reserve(order.size());
   for (const std::size_t i : order) better.push_back(motions[i]);
   for (double& loss : losses) loss += kDropped;
-  const std::vector<double> of_better = Evaluate(better, ensemble);
+  const std::vector<double> of_better = Rank(better, ensemble);
   for (std::size_t i = 0; i < order.size(); ++i) losses[order[i]] = of_better[i];
   return losses;
 }

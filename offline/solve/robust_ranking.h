@@ -35,15 +35,13 @@ class RobustRanking {
 
   /// The losses of motions.
   [[nodiscard]] std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
-                                             const Ensemble& ensemble) const {
-    return Evaluate(motions, ensemble, Model::kCounts);
-  }
-  /// The same in single precision, to order motions by.
-  /// @pre CanRank()
+                                             const Ensemble& ensemble) const;
+  /// The same with robots in single precision, to order motions by.
+  /// @pre no gains
   [[nodiscard]] std::vector<double> Rank(const std::vector<std::vector<double>>& motions,
-                                         const Ensemble& ensemble) const;
-  /// Whether nothing but robots judges motions, and none of them has a sensor.
-  [[nodiscard]] bool CanRank() const { return !hold_ && !task_.beside_model(); }
+                                         const Ensemble& ensemble) const {
+    return Rank(motions, ensemble, Model::kCounts);
+  }
   /// How robots arrive in a motion, in single precision.
   struct Arrival {
     double penalty = 0;  ///< For limits that the path, or its plan, does not keep.
@@ -59,11 +57,11 @@ class RobustRanking {
   [[nodiscard]] std::vector<double> LossesOfRobots(const std::vector<double>& x,
                                                    const Ensemble& ensemble) const;
   /// Losses of motions by which they can be ordered, where a motion is tuned to one robot: each is
-  /// played on a packet of the robots, another one in each generation, and the better half on all.
+  /// played on sixteen of the robots, others in each generation, and the better half on all.
   /// The others' losses are as much higher as those of a motion that is dropped in a race.
   /// @pre no gains
-  [[nodiscard]] std::vector<double> EvaluateHalf(const std::vector<std::vector<double>>& motions,
-                                                 const Ensemble& ensemble, int generation) const;
+  [[nodiscard]] std::vector<double> RankHalf(const std::vector<std::vector<double>>& motions,
+                                             const Ensemble& ensemble, int generation) const;
   /// The largest loss of a robot in a motion, the model's on slopes among them; 1 and more where
   /// the plan itself exceeds a limit.
   /// @pre task.tunes()
@@ -88,8 +86,8 @@ class RobustRanking {
  private:
   /// Whether the model, where it is none of the robots, has to do what the task asks, too.
   enum class Model : std::uint8_t { kCounts, kIsLeftOut };
-  [[nodiscard]] std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
-                                             const Ensemble& ensemble, Model model) const;
+  [[nodiscard]] std::vector<double> Rank(const std::vector<std::vector<double>>& motions,
+                                         const Ensemble& ensemble, Model model) const;
   /// A motion on its way through the packets of an ensemble.
   /// @tparam Setpoints  PacketSetpoints, or RankingSetpoints.
   template <class Setpoints>
@@ -103,6 +101,13 @@ class RobustRanking {
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const Runner<PacketSetpoints>& runner, const Ensemble& ensemble,
                              LaneDistances& distances) const;
+  /// Whether robots that are looked at first have so large a sum of losses that the others are not
+  /// looked at.
+  [[nodiscard]] bool AllFall(double sum, std::size_t robots) const;
+  /// Adds to the loss of a motion what the model misses, which is none of the robots and has to do
+  /// what the task asks.
+  void AddModel(const Runner<PacketSetpoints>& runner, LaneDistances& distances,
+                double& loss) const;
   /// Of a packet of an ensemble.
   [[nodiscard]] std::array<double, Packet::kLanes> LossesIn(const Runner<PacketSetpoints>& runner,
                                                             const Ensemble& ensemble,

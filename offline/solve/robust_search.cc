@@ -585,9 +585,9 @@ class RobustSearch {
         losses = ranking_.Race(motions, ensemble, g);
         evaluations_ += static_cast<std::int64_t>(motions.size());
       } else if (task_.tunes()) {
-        losses = ranking_.EvaluateHalf(motions, ensemble, g);
+        losses = ranking_.RankHalf(motions, ensemble, g);
         evaluations_ += static_cast<std::int64_t>(motions.size() + (motions.size() + 1) / 2);
-      } else if (ranking_.CanRank()) {
+      } else if (!ranking_.has_gains()) {
         losses = ranking_.Rank(motions, ensemble);
         evaluations_ += static_cast<std::int64_t>(motions.size());
       } else {
@@ -602,7 +602,7 @@ class RobustSearch {
       Tell(false, start, best.loss);
       if (search.sigma() < Improving::kLeastSigma) break;
     }
-    if (!races && ranking_.CanRank() && elite_.size() > 1) {
+    if (!races && !ranking_.has_gains() && elite_.size() > 1) {
       // Single precision has ordered motions, and judges none.
       best.loss = Evaluate({best.x}, ensemble).front();
       if (best.loss > at_first.loss) best = at_first;
