@@ -135,7 +135,8 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
                                                          distances.front(), losses)) {
       double& loss = losses[runner.motion];
       loss += Judge(runner, ensemble, distances) + PenaltyOf(runner.plan.excess);
-      if (task_.beside_model()) AddModel(runner, distances, loss);
+      if (task_.beside_model())
+        AddModel(loss, [&] { return Judge(runner, fine_model_, distances); });
     }
   });
   return losses;
@@ -159,12 +160,13 @@ std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& 
       double& loss = losses[runner.motion];
       loss += runner.loss();
       if (!task_.beside_model() || model == Model::kIsLeftOut) continue;
-      const Runner<PacketSetpoints> exact{
-          .motion = runner.motion,
-          .plan = runner.plan,
-          .setpoints = planner_.SetpointsOf(motions[runner.motion], runner.plan),
-          .ticks = runner.ticks};
-      AddModel(exact, distances, loss);
+      AddModel(loss, [&] {
+        const Runner<PacketSetpoints> exact{
+            .plan = runner.plan,
+            .setpoints = planner_.SetpointsOf(motions[runner.motion], runner.plan),
+            .ticks = runner.ticks};
+        return Judge(exact, fine_model_, distances);
+      });
     }
   });
   return losses;
@@ -175,12 +177,11 @@ bool RobustRanking::AllFall(double sum, std::size_t robots) const {
   return sum >= static_cast<double>(robots) && task_.complement.empty();
 }
 
-void RobustRanking::AddModel(const Runner<PacketSetpoints>& runner, LaneDistances& distances,
-                             double& loss) const {
+void RobustRanking::AddModel(double& loss, const std::function<double()>& of_model) const {
   if (task_.tunes() && loss > RobotLoss::kHopeless) {
     loss += 1;  // as if it fell: a motion that far off is not looked at more closely
   } else {
-    loss += std::max(0.0, Judge(runner, fine_model_, distances) - RobotLoss::kCalm);
+    loss += std::max(0.0, of_model() - RobotLoss::kCalm);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -106,8 +107,8 @@ class RobustRanking {
   [[nodiscard]] bool AllFall(double sum, std::size_t robots) const;
   /// Adds to the loss of a motion what the model misses, which is none of the robots and has to do
   /// what the task asks.
-  void AddModel(const Runner<PacketSetpoints>& runner, LaneDistances& distances,
-                double& loss) const;
+  /// @param of_model  the loss of the model, where it is asked for.
+  void AddModel(double& loss, const std::function<double()>& of_model) const;
   /// Of a packet of an ensemble.
   [[nodiscard]] std::array<double, Packet::kLanes> LossesIn(const Runner<PacketSetpoints>& runner,
                                                             const Ensemble& ensemble,

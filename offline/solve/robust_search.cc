@@ -391,7 +391,7 @@ class RobustSearch {
           telling = DivergenceTells(ranking_, found.back().x, robots);
         if (telling == Telling::kNo) return {};
       }
-      if (!outcome.solutions.empty()) Show(SearchStage::kModel, i, least);
+      if (std::isfinite(least)) Show(SearchStage::kModel, i, least);
     }
     SortByLoss(found);
     return found;

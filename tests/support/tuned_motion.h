@@ -18,10 +18,14 @@ inline std::string FindAnew(const std::string& task, const std::vector<std::stri
                             const PosteriorFile& known, const TuningSettings& tuning,
                             const std::string& file) {
   std::vector<Task> tasks;
-  for (const std::string& guess : guesses) {
-    tasks.push_back(IdentifiedTask(LoadTask(task), known));
-    TuneTo(known, tuning, tasks.back());
-    TakeGuess(tasks.back(), LoadPrimitive(guess), guess);
+  try {
+    for (const std::string& guess : guesses) {
+      tasks.push_back(IdentifiedTask(LoadTask(task), known));
+      TuneTo(known, tuning, tasks.back());
+      TakeGuess(tasks.back(), LoadPrimitive(guess), guess);
+    }
+  } catch (const FileError& error) {  // such as a ground that is too stiff for the task's steps
+    return std::string("the task is refused: ") + error.what();
   }
   WorkSettings settings;
   settings.quiet = true;
