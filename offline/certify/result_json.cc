@@ -105,6 +105,10 @@ Json Figures(const TaskResult& result) {
   json["kkt"] = FiguresOf(best.kkt);
   json["content_hash"] = ContentHash(*result.file);
   json["second_look"] = FiguresOf(result.look);
+  if (best.robots) {
+    json["robots"] = {
+        {"of", best.robots->of}, {"carried", best.robots->carried}, {"scale", best.robots->scale}};
+  }
   if (!result.minima.empty()) json["minima"] = FiguresOfMinima(result);
   return json;
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/files/share.h"
 #include "offline/certify/certificate_text.h"
 #include "offline/certify/default_drives_note.h"
 #include "offline/model/robot_notes.h"
@@ -149,14 +150,14 @@ void PrintRobust(std::FILE* people, const TaskResult& result) {
     const RobustSettings& settings = *result.problem().robust;
     fmt::print(
         people,
-        "  of {} robots{}{}, which the search has not met, {} come to rest as asked; tumbler "
+        "  of {} robots{}{}, which the search has not met, {} come to rest as asked, {}; tumbler "
         "robustness looks at all that a run does\n",
         robots.of,
         settings.spreads.posterior
             ? fmt::format(" of the posterior at {:.3g} standard deviations", robots.scale)
             : fmt::format(" at {:.3g} times the spreads", robots.scale),
         result.task.complement.empty() ? "" : " that the other motions do not carry",
-        robots.carried);
+        robots.carried, ToText(ShareOf(robots.carried, robots.of)));
   }
   if (!result.robust) return;
   const RobotsAsAsked& robust = *result.robust;

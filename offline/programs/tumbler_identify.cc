@@ -43,7 +43,8 @@ constexpr const char* kIdentifyExitCodes =
   0    done; gate: it is open
   1    wrong usage, or a file that cannot be used or written: nothing was written
   2    excite: no motion is safe; fit, gate: a motion cannot be played so
-  4    fit: the records are not explained, the model is an effective one; gate: it is closed
+  4    fit: the records are not explained, the model is an effective one, or it stands in a motion
+       of --failed; gate: it is closed
   130  interrupted)";
 
 namespace fs = std::filesystem;
@@ -449,16 +450,18 @@ std::vector<FailedIn> FailedMotions(const std::vector<std::string>& motions,
   return failed;
 }
 
-/// Warns of a model that does not fail where the robot did.
-void PrintNotFailed(const std::vector<FailedIn>& failed, const RobotPosterior& posterior) {
+/// Whether a model fails wherever the robot did. Warns where it does not.
+bool FailsWhereTheRobotDid(const std::vector<FailedIn>& failed, const RobotPosterior& posterior) {
+  bool all = true;
   for (const FailedIn& in : failed) {
     if (in.fails(posterior.mean)) continue;
+    all = false;
     fmt::print(
         "warning: the model does not fail in {}, in which the robot failed: it is not to be "
-        "believed "
-        "where it stands\n",
+        "believed where it stands\n",
         in.motion);
   }
+  return all;
 }
 
 ExitStatus Fit(const IdentifyArguments& arguments) {
@@ -485,7 +488,7 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   }
   PrintFit(fit, settings);
   PrintFarOff(fit.posterior, inputs.prior.known);
-  PrintNotFailed(failed, fit.posterior);
+  const bool contradicted = !FailsWhereTheRobotDid(failed, fit.posterior);
   std::vector<FitResiduals> predicted;
   if (!inputs.held_out.empty()) {
     predicted = ResidualsOf(inputs.held_out, fit.posterior, settings.per_tick);
@@ -507,7 +510,7 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
     file.drives = DrivesOf(inputs);
     WriteModel(arguments, file, inputs, IdentifyPage(fit, settings, predicted));
   }
-  return fit.effective ? ExitStatus::kAmiss : ExitStatus::kDone;
+  return fit.effective || contradicted ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
 /// Refuses a motion of another robot than that whose URDF is beside a posterior.
@@ -528,8 +531,13 @@ ExitStatus Gate(const IdentifyArguments& arguments) {
   GateSettings settings;
   if (arguments.draws != kNoDraws) settings.draws = arguments.draws;
   settings.failed = arguments.failed;
+  settings.interrupt = &EndOnSignals();
   if (arguments.seed) settings.seed = *arguments.seed;
   const GateOutcome outcome = PassGate(arguments.motion, arguments.drives, file, settings);
+  if (outcome.interrupted) {
+    fmt::print(stderr, "interrupted: the gate stays closed, and no file was written\n");
+    return ExitStatus::kInterrupted;
+  }
   PrintGate(arguments.json == "-" ? stderr : stdout, outcome, settings, file,
             {arguments.posterior, arguments.drives});
   if (!arguments.json.empty()) {

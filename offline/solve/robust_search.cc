@@ -84,12 +84,14 @@ class TuningEnd {
     const bool better = losses_.empty() || loss < losses_.back();
     if (better && loss < 2 * Tuning::kMargin) worst_ = worst();
     losses_.push_back(loss);
-    if (worst_ <= Tuning::kMargin) return true;
+    if (has_margin()) return true;
     if (losses_.size() <= Tuning::kPatience) return false;
     const double before = losses_[losses_.size() - 1 - Tuning::kPatience];
     if (loss > RobotLoss::kCarried && losses_.size() < Tuning::kChance) return false;
     return loss > (1 - Tuning::kProgress) * before;
   }
+  /// Whether every robot stands with a margin.
+  [[nodiscard]] bool has_margin() const { return worst_ <= Tuning::kMargin; }
 
  private:
   std::vector<double> losses_;
@@ -121,6 +123,7 @@ struct Improving {
 struct Candidate {
   std::vector<double> x;  ///< See RobustMotion and MotionFeedback::gains.
   double loss = 0;
+  bool all_rest = false;  ///< Whether its improvement ended because nothing was left to gain.
 };
 
 void SortByLoss(std::vector<Candidate>& candidates) {
@@ -575,8 +578,12 @@ class RobustSearch {
     TuningEnd tuned;
     for (int g = 0; g < generations && !interrupted(); ++g) {
       const auto worst = [&] { return ranking_.WorstLoss(best.x, ensemble); };
-      if (task_.tunes() && tuned.Reached(best.loss, worst)) break;
-      if (best.loss < RobotLoss::kPerfect) break;
+      best.all_rest = best.loss < RobotLoss::kPerfect;
+      if (task_.tunes() && tuned.Reached(best.loss, worst)) {
+        best.all_rest = tuned.has_margin();
+        break;
+      }
+      if (best.all_rest) break;
       if (!task_.beside_model() && g >= Improving::kPatience && best.loss > hopeless) break;
       std::vector<std::vector<double>> motions = search.Ask();
       for (std::vector<double>& x : motions) x.insert(x.begin(), from.x.begin(), begin);
@@ -650,9 +657,10 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     solution.duration_s = of_motion.duration_s;
     // A feedback takes as long to find as a motion: the best one gets it.
     if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
-    if (i == 0) solution.robots = search.CarriedBy(found[i]);
+    solution.robots = search.CarriedBy(found[i]);
     solution.end = search.as_it_is()      ? SolveEnd::kTaken
                    : search.interrupted() ? SolveEnd::kInterrupted
+                   : found[i].all_rest    ? SolveEnd::kAllRest
                                           : SolveEnd::kGenerations;
     solution.finished = true;
     solution.start = static_cast<int>(i);

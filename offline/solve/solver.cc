@@ -30,6 +30,8 @@ const char* ToString(SolveEnd end) {
       return "evaluation budget used up";
     case SolveEnd::kGenerations:
       return "the search is over; more generations may find better";
+    case SolveEnd::kAllRest:
+      return "all robots of the search rest as asked, with a margin";
     case SolveEnd::kTaken:
       return "taken from the guess as it is";
     case SolveEnd::kInfeasible:

@@ -52,6 +52,7 @@ enum class SolveEnd {
   kUnproved,
   kEvaluations,  ///< The evaluation budget is used up.
   kGenerations,  ///< A robust search is over: its generations, or that they gain anything.
+  kAllRest,      ///< A robust search has nothing left to gain: all its robots rest, with a margin.
   kTaken,        ///< Nothing was searched: a guess is taken as it is.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
   kInterrupted,  ///< The caller asked to stop.

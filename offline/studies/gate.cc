@@ -124,7 +124,7 @@ bool GateOutcome::credible() const {
 }
 
 bool GateOutcome::open() const {
-  return credible() && std::ranges::all_of(robots, &TrialOutcome::stands);
+  return !interrupted && credible() && std::ranges::all_of(robots, &TrialOutcome::stands);
 }
 
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
@@ -141,12 +141,13 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
   if (settings.draws) outcome.draws.count = *settings.draws;
   if (settings.deviations) outcome.draws.deviations = *settings.deviations;
   const double deviations = outcome.draws.deviations;
-  for (std::size_t i = 0; i < failed_in.size(); ++i)
+  const auto ended = [&] { return settings.interrupt != nullptr && *settings.interrupt; };
+  for (std::size_t i = 0; i < failed_in.size() && !ended(); ++i)
     outcome.failed.push_back({settings.failed[i], failed_in[i].Play(0, deviations).fails()});
-  outcome.robots.push_back(asked.Play(0, deviations));
+  if (!ended()) outcome.robots.push_back(asked.Play(0, deviations));
   // Whether a draw is this robot is asked before what it does in the motion.
   const auto is_left_out = [&](int number) {
-    for (std::size_t i = 0; i < failed_in.size(); ++i) {
+    for (std::size_t i = 0; i < failed_in.size() && !ended(); ++i) {
       if (failed_in[i].Play(number, deviations).fails()) continue;
       ++outcome.failed[i].left_out;
       return true;
@@ -154,10 +155,11 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
     return false;
   };
   const int wanted = outcome.draws.count;
-  for (int number = 1; number <= kDrawnForEach * wanted; ++number) {
+  for (int number = 1; number <= kDrawnForEach * wanted && !ended(); ++number) {
     if (static_cast<int>(outcome.robots.size()) > wanted) break;
     if (!is_left_out(number)) outcome.robots.push_back(asked.Play(number, deviations));
   }
+  outcome.interrupted = ended();
   return outcome;
 }
 

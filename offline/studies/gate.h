@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -32,6 +33,8 @@ struct GateSettings {
   /// Motions that the robot has failed in. A model that stands in one of them is not to be believed
   /// where it stands in another (GateOutcome::credible).
   std::vector<std::string> failed;
+  /// Set it from any thread to end early; may be null.
+  const std::atomic<bool>* interrupt = nullptr;
 };
 
 /// What robots of a posterior do in a motion that the robot has failed in.
@@ -49,13 +52,14 @@ struct GateOutcome {
   GateDraws draws;                   ///< As they were asked for.
   DrivesConfig drives;               ///< With which they were played.
   std::vector<FailedMotion> failed;  ///< Those of the settings, in their order.
+  bool interrupted = false;          ///< Then nothing is decided.
   /// Draws that were left out.
   [[nodiscard]] int left_out() const;
   /// Whether the mean fails in all motions that the robot has failed in, and as many draws do as
   /// were asked for.
   [[nodiscard]] bool credible() const;
-  /// Whether all robots are as asked, and credible. Only then is the motion to be tried on the
-  /// robot.
+  /// Whether all robots are as asked, and credible, and all were played. Only then is the motion to
+  /// be tried on the robot.
   [[nodiscard]] bool open() const;
 };
 

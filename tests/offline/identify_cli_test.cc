@@ -308,7 +308,7 @@ TEST(IdentifyProgram, FitAndGateSayThatTheModelDoesNotFailWhereTheRobotDid) {
   const Records& of = Shared();
   const testing::TemporaryFolder folder;
   const Outcome fit = Identify({"fit", of.back(), "--failed", kStand});
-  EXPECT_EQ(fit.exit_code, 0) << fit.text;
+  EXPECT_EQ(fit.exit_code, 4) << fit.text;
   EXPECT_THAT(fit.text, HasSubstr("warning: the model does not fail in " + kStand));
   const Outcome gate =
       Identify({"gate", kStand, of.posterior(), "--drives", kDrivesFile, "--failed", kStand,

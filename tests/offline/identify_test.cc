@@ -438,6 +438,23 @@ TEST(Gate, BelievesNoPosteriorOfWhichMostDrawsStandWhereTheRobotFailed) {
   FAIL() << "no seed draws such robots";
 }
 
+TEST(Gate, StaysClosedWhereAnInterruptLeavesRobotsUnplayed) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  PosteriorFile file = FileOf(PriorOf(task.problem.scene));
+  for (double& value : file.posterior.covariance) value *= 1e-6;
+  std::atomic<bool> interrupt = true;
+  GateSettings settings;
+  settings.draws = 0;
+  settings.interrupt = &interrupt;
+  const std::string motion = testing::SourcePath("primitives/stand.toml");
+  const GateOutcome ended = PassGate(motion, kDrives, file, settings);
+  EXPECT_TRUE(ended.interrupted);
+  EXPECT_TRUE(ended.robots.empty());
+  EXPECT_FALSE(ended.open());
+  interrupt = false;
+  EXPECT_TRUE(PassGate(motion, kDrives, file, settings).open());
+}
+
 TEST(Gate, PlaysMoreRobotsOfAnEffectiveModel) {
   const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
   PosteriorFile file = FileOf(PriorOf(task.problem.scene));
