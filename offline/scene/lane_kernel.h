@@ -78,9 +78,8 @@ struct LaneKernel {
 
 /// LaneKernel::drive in single precision, for twice as many robots that all obey the same
 /// setpoints, in less time than that takes for one packet: to rank motions by what comes of robots.
-/// Of 4800 robots that played a handstand, of which some hundreds fell, none came to another end
-/// than in double precision; nothing is judged by it all the same. All kinds of vectors give the
-/// same bits.
+/// Of 4800 robots that played a handstand none came to another end than in double precision (a test
+/// plays 480 of them). All kinds of vectors give the same bits.
 struct RankingKernel {
   const char* name;  ///< As LaneKernel::name.
   void (*drive)(const LaneModel& model, const LaneRobot<WidePacket>& robot, const LaneSteps& steps,

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <span>
+#include <type_traits>
 
 #include "common/core/drive_law.h"
 #include "offline/scene/joint_stop.h"
@@ -104,6 +105,41 @@ struct LaneProgress {
   }
 };
 
+/// Positions of robots in lanes, which steps add to. In single precision what rounding loses of a
+/// step is added to the next one [K65]: a robot that falls slowly moves by less than a unit in the
+/// last place in a short step, and would stand for ever.
+///
+/// [K65] W. Kahan, Further Remarks on Reducing Truncation Errors, Comm. ACM 8(1), 1965.
+template <class S>
+class LanePositions {
+ public:
+  [[gnu::always_inline]] void Add(std::size_t dof, const S& step, S& q) {
+    if constexpr (kIsSingle<S>) {
+      const S due = step - lost_[dof];
+      const S sum = q + due;
+      lost_[dof] = (sum - q) - due;
+      q = sum;
+    } else {
+      q += step;
+    }
+  }
+
+ private:
+  struct None {};
+  using Lost = std::array<S, LaneModel::kMaxDofs>;
+  static Lost Nothing() {
+    Lost nothing;
+    nothing.fill(S(0));
+    return nothing;
+  }
+  std::conditional_t<kIsSingle<S>, Lost, None> lost_ = [] {
+    if constexpr (kIsSingle<S>)
+      return Nothing();
+    else
+      return None{};
+  }();
+};
+
 /// LaneKernel::drive for some lanes of packets P, with S and a tree that the model has.
 /// @tparam N  the numbers of setpoints: P, or what all lanes share.
 template <class Tree, class S, class P, class N>
@@ -118,6 +154,7 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
   const double h_s = steps.tick_s / steps.per_tick;
   const S h(h_s);
   const LaneSetpoint<N>* before = held.data();
+  LanePositions<S> positions;
   // Drives of which the law is computed at every step, sees the velocity at once and is obeyed at
   // once are the rule. Else: of the backward Euler method between two evaluations; what the filter
   // and the current loop do lags by their constants.
@@ -173,13 +210,13 @@ void DriveSome(const LaneModel& model, const LaneRobot<P>& robot, const LaneStep
         });
         dynamics.Accelerate(middle, tau, qdd);
         for (std::size_t d = 0; d < joints + 3; ++d) {
-          robots.state.q[d] += h * middle.v[d];
+          positions.Add(d, h * middle.v[d], robots.state.q[d]);
           robots.state.v[d] += h * qdd[d];
         }
       } else {
         for (std::size_t d = 0; d < joints + 3; ++d) {
           robots.state.v[d] += h * qdd[d];
-          robots.state.q[d] += h * robots.state.v[d];
+          positions.Add(d, h * robots.state.v[d], robots.state.q[d]);
         }
       }
       robots.WatchRoot();

@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
-#include <type_traits>
 
 #if defined(__AVX512F__)
 #include <immintrin.h>
@@ -167,7 +166,6 @@ struct Vector {
 /// that the other's take.
 template <class V>
 struct Two {
-  using Real = typename V::Real;
   using Memory = typename V::Memory;
   static constexpr std::size_t kLanes = 2 * V::kLanes;
   struct Mask {
@@ -207,6 +205,14 @@ struct Two {
     TurnByQuarters(quarters.high, sine.high, cosine.high);
   }
 };
+
+/// Whether numbers are of single precision.
+template <class S>
+inline constexpr bool kIsSingle = false;
+template <std::size_t kWidth>
+inline constexpr bool kIsSingle<Vector<kWidth, float>> = true;
+template <class V>
+inline constexpr bool kIsSingle<Two<V>> = kIsSingle<V>;
 
 /// Lanes of packets, as many as S has, as S.
 template <class S>
@@ -263,10 +269,7 @@ struct SineAndCosine {
 
  private:
   [[gnu::always_inline]] static portable::QuarterTurn<S> InQuarter(const S& angle) {
-    if constexpr (requires { typename S::Real; }) {
-      if constexpr (std::is_same_v<typename S::Real, float>)
-        return SingleSineAndCosineInQuarter(angle);
-    }
+    if constexpr (kIsSingle<S>) return SingleSineAndCosineInQuarter(angle);
     return portable::SineAndCosineInQuarter(angle);
   }
 };

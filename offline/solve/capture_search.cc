@@ -23,6 +23,10 @@ constexpr int kPopulation = 16;
 constexpr int kRound = 15;
 /// Packets of robots that a generation meets where several motions are led, and where one is.
 constexpr std::size_t kPacketsAtFirst = 4, kPackets = 8;
+/// By how much a candidate is better than the mean that has lost it, and how far the seeds of
+/// searches that begin anew are apart.
+constexpr double kLost = 0.2;
+constexpr std::uint64_t kSeedsOfRestart = 100'000;
 /// Packets that motions are compared by.
 constexpr std::size_t kJudges = 8;
 /// Divergences with which a robot counts half [rad/s]: at first, when few robots arrive, and from
@@ -48,7 +52,12 @@ struct Led {
   int number;  ///< Among the starts.
   CmaEs search;
   int generation = 0;
-  double loss = 0;
+  bool nothing_to_gain = false;  ///< By the robots of its last generation.
+  double loss = 0;               ///< Of `x`, by the judges.
+  std::vector<double> x = {};    ///< The mean of its search, or a candidate that is better.
+  /// The best candidate since that was looked at, by robots of its generation.
+  std::vector<double> best = {};
+  double least = 0;
 };
 
 }  // namespace
@@ -117,7 +126,7 @@ std::vector<CapturedMotion> Capture(
   };
   std::vector<std::size_t> order(from.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  if (order.size() > settings.started) {
+  if (order.size() > settings.started && !ended()) {
     const std::vector<double> losses = losses_of(from, judges, kWide_rad_s);
     std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
     order.resize(settings.started);
@@ -126,31 +135,57 @@ std::vector<CapturedMotion> Capture(
   for (const std::size_t i : order) {
     if (ended()) break;
     const auto covariance = ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
-    led.push_back({static_cast<int>(i),
-                   covariance ? CmaEs(from[i], *covariance, kPopulation, seed + i)
-                              : CmaEs(from[i], settings.reach_rad, kPopulation, seed + i)});
+    const std::uint64_t own = seed + led.size();
+    led.push_back(
+        {static_cast<int>(i), covariance ? CmaEs(from[i], *covariance, kPopulation, own)
+                                         : CmaEs(from[i], settings.reach_rad, kPopulation, own)});
   }
   const auto go_on = [&](Led& one, int generations, std::size_t packets) {
     for (int g = 0; g < generations && !ended(); ++g, ++one.generation) {
       const double part = std::min(1.0, one.generation / (kNarrowFrom * settings.generations));
       const double half_rad_s =
           kWide_rad_s * portable::Exp(part * portable::Log(kNarrow_rad_s / kWide_rad_s));
+      const std::vector<std::vector<double>> candidates = one.search.Ask();
       const std::vector<double> losses = losses_of(
-          one.search.Ask(), PartOf(robots, Index(one.generation) * kPackets, packets), half_rad_s);
+          candidates, PartOf(robots, Index(one.generation) * kPackets, packets), half_rad_s);
       one.search.Tell(losses);
-      const double least = std::ranges::min(losses);
-      tell(one.number, kPopulation, least);
-      if (least < RobotLoss::kPerfect) break;
+      const auto least = std::ranges::min_element(losses);
+      if (one.best.empty() || *least < one.least) {
+        one.best = candidates[static_cast<std::size_t>(least - losses.begin())];
+        one.least = *least;
+      }
+      tell(one.number, kPopulation, *least);
+      if (*least < RobotLoss::kPerfect) {
+        one.nothing_to_gain = true;
+        break;
+      }
     }
+  };
+  // Among motions whose robots all fall, one that does not is soon lost again: a mean hardly
+  // follows it. Then the search begins anew from there.
+  const auto judge = [&](Led& one) {
+    one.x = one.search.mean();
+    one.loss = losses_of({one.x}, judges, kNarrow_rad_s).front();
+    if (one.best.empty()) return;
+    const double of_best = losses_of({one.best}, judges, kNarrow_rad_s).front();
+    if (of_best < one.loss - kLost) {
+      one.x = one.best;
+      one.loss = of_best;
+      const auto covariance = ArrivalCovariance(ranking, one.x, judges, settings.reach_rad);
+      const std::uint64_t own = seed + Index(one.generation) * kSeedsOfRestart + Index(one.number);
+      one.search = covariance ? CmaEs(one.x, *covariance, kPopulation, own)
+                              : CmaEs(one.x, settings.reach_rad / 2, kPopulation, own);
+    }
+    one.best.clear();
   };
   while (!ended() && !led.empty()) {
     const bool last = led.size() <= settings.wanted;
     for (Led& one : led) {
-      go_on(one,
-            last ? settings.generations - one.generation
-                 : std::min(kRound, settings.generations - one.generation),
-            last ? kPackets : kPacketsAtFirst);
-      one.loss = losses_of({one.search.mean()}, judges, kNarrow_rad_s).front();
+      do {
+        go_on(one, std::min(kRound, settings.generations - one.generation),
+              last ? kPackets : kPacketsAtFirst);
+        judge(one);
+      } while (last && one.generation < settings.generations && !one.nothing_to_gain && !ended());
     }
     std::ranges::stable_sort(led, {}, &Led::loss);
     if (last || led.front().loss < RobotLoss::kPerfect) break;
@@ -159,7 +194,7 @@ std::vector<CapturedMotion> Capture(
         led.end());
   }
   std::vector<CapturedMotion> captured;
-  for (const Led& one : led) captured.push_back({one.search.mean(), one.loss});
+  for (const Led& one : led) captured.push_back({one.x, one.loss});
   if (captured.size() > settings.wanted) captured.resize(settings.wanted);
   return captured;
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <type_traits>
 
 #include "common/core/index.h"
 #include "offline/solve/tick_spline.h"
@@ -118,26 +119,26 @@ std::vector<double> MotionPlanner::FeedForwardOf(const std::vector<Packet>& torq
   return feed_forward;
 }
 
-PacketSetpoints MotionPlanner::SetpointsOf(const std::vector<double>& x,
-                                           const MotionPlan& plan) const {
+template <class N>
+std::vector<LaneSetpoint<N>> MotionPlanner::SetpointsOf(const std::vector<double>& x,
+                                                        const MotionPlan& plan) const {
+  const auto in_all = [](double number) {
+    if constexpr (std::is_same_v<N, Packet>) {
+      return Packet::Of(number);
+    } else {
+      return static_cast<N>(number);
+    }
+  };
   const auto ticks = Index(task_.LastTick(motion_.Ticks(x)));
-  PacketSetpoints setpoints(ticks * task_.joints);
+  std::vector<LaneSetpoint<N>> setpoints(ticks * task_.joints);
   motion_.Sample(x, ticks, RobustTask::kTick_s, [&](std::size_t i, const auto& at) {
-    setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
-                    Packet::Of(plan.FeedForward(i, task_.joints))};
+    setpoints[i] = {in_all(at.value), in_all(at.first), in_all(plan.FeedForward(i, task_.joints))};
   });
   return setpoints;
 }
-
-RankingSetpoints MotionPlanner::RankingSetpointsOf(const std::vector<double>& x,
-                                                   const MotionPlan& plan) const {
-  const auto ticks = Index(task_.LastTick(motion_.Ticks(x)));
-  RankingSetpoints setpoints(ticks * task_.joints);
-  motion_.Sample(x, ticks, RobustTask::kTick_s, [&](std::size_t i, const auto& at) {
-    setpoints[i] = {static_cast<float>(at.value), static_cast<float>(at.first),
-                    static_cast<float>(plan.FeedForward(i, task_.joints))};
-  });
-  return setpoints;
-}
+template PacketSetpoints MotionPlanner::SetpointsOf<Packet>(const std::vector<double>&,
+                                                            const MotionPlan&) const;
+template RankingSetpoints MotionPlanner::SetpointsOf<float>(const std::vector<double>&,
+                                                            const MotionPlan&) const;
 
 }  // namespace tumbler

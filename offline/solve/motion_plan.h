@@ -34,11 +34,10 @@ class MotionPlanner {
       const std::vector<std::vector<double>>& motions) const;
 
   /// What robots are told in a motion and the hold after it.
-  [[nodiscard]] PacketSetpoints SetpointsOf(const std::vector<double>& x,
-                                            const MotionPlan& plan) const;
-  /// The same for robots that a motion is ranked by.
-  [[nodiscard]] RankingSetpoints RankingSetpointsOf(const std::vector<double>& x,
-                                                    const MotionPlan& plan) const;
+  /// @tparam N  Packet, or float, of robots that a motion is ranked by (RankingSetpoints).
+  template <class N>
+  [[nodiscard]] std::vector<LaneSetpoint<N>> SetpointsOf(const std::vector<double>& x,
+                                                         const MotionPlan& plan) const;
 
  private:
   /// Adds to the excess of plans how far they are from rest.

@@ -79,6 +79,7 @@ RankingEnsemble ForRanking(const Ensemble& robots) {
                     static_cast<float>(held.third.lane(0))};
   }
   const std::size_t packets = robots.robots.size();
+  wide.count = packets * Packet::kLanes;
   for (std::size_t p = 0; p < packets; p += 2) {
     const std::size_t next = (p + 1) % packets;
     wide.robots.push_back(WidenLanes<LaneRobot>(robots.robots[p], robots.robots[next]));

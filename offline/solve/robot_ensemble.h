@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -24,8 +25,13 @@ struct RankingEnsemble {
   std::vector<LaneRobot<WidePacket>> robots;
   std::vector<LaneState<WidePacket>> states;
   LaneSteps steps;
+  std::size_t count = 0;  ///< Of robots. Others that fill the last packet up do not count.
+
+  /// How many of a packet's lanes count, from the first on.
+  [[nodiscard]] std::size_t CountIn(std::size_t packet) const {
+    return std::min(WidePacket::kLanes, count - packet * WidePacket::kLanes);
+  }
 };
-/// Where there is an odd number of packets, the robots of the first are in the last one, too.
 /// @pre no noise, and all lanes are held by the same setpoints
 [[nodiscard]] RankingEnsemble ForRanking(const Ensemble& robots);
 

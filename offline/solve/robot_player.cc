@@ -154,9 +154,7 @@ template <class Play>
 auto LossesOf(const RobustTask& task, Play& play, int ticks) {
   const int settled_tick = ticks + RobustTask::Ticks(task.problem.settle_s);
   const int end = task.LastTick(ticks);
-  auto losses = play.Off();
-  auto astray = losses;
-  astray.fill(0);
+  decltype(play.Off()) losses, astray{};
   int looks = 0;
   for (int tick = std::max(0, ticks - kBeforeEnd); tick < settled_tick; tick += kLookAtWay) {
     play.Advance(tick);

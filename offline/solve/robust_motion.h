@@ -54,7 +54,9 @@ class RobustMotion {
     const auto splines = Splines(x);
     const double duration_s = Duration_s(x), haste = Haste(x);
     std::size_t k = 0;
-    for (double t = 0; k < steps && t < duration_s; t = static_cast<double>(++k) * step_s) {
+    for (; k < steps; ++k) {
+      const double t = static_cast<double>(k) * step_s;
+      if (t >= duration_s) break;
       for (std::size_t j = 0; j < task_.joints; ++j) {
         auto at = splines[j].Evaluate(t * haste);
         at.first *= haste;

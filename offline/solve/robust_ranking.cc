@@ -4,7 +4,7 @@
 #include <array>
 #include <iterator>
 #include <numeric>
-#include <type_traits>
+#include <span>
 #include <utility>
 
 #include "common/core/index.h"
@@ -36,17 +36,23 @@ int PacketsOf(const std::vector<std::vector<double>>& motions) {
 
 }  // namespace
 
-template <class Setpoints>
+template <class N>
 struct RobustRanking::Runner {
   std::size_t motion = 0;
   MotionPlan plan;
-  Setpoints setpoints;
+  std::vector<LaneSetpoint<N>> setpoints;
   int ticks = 0;
   double sum = 0;
   std::size_t robots = 0;   ///< Whose losses `sum` is of,
   std::size_t packets = 0;  ///< in so many packets.
   [[nodiscard]] double loss() const {
     return sum / static_cast<double>(robots) + PenaltyOf(plan.excess);
+  }
+  /// @param losses  of the next packet, of which so many count.
+  void Add(std::span<const double> losses, std::size_t count) {
+    sum = std::accumulate(losses.begin(), losses.begin() + static_cast<std::ptrdiff_t>(count), sum);
+    robots += count;
+    ++packets;
   }
 };
 
@@ -78,11 +84,11 @@ bool RobustRanking::IsPlayable(const std::vector<double>& x) const {
          Plans({x}).front().excess < kLittleExcess;
 }
 
-template <class Setpoints>
-std::vector<RobustRanking::Runner<Setpoints>> RobustRanking::RunnersOf(
+template <class N>
+std::vector<RobustRanking::Runner<N>> RobustRanking::RunnersOf(
     const std::vector<std::vector<double>>& motions, std::size_t first, SelfDistances& distances,
     std::vector<double>& losses) const {
-  std::vector<Runner<Setpoints>> runners;
+  std::vector<Runner<N>> runners;
   std::vector<std::vector<double>> playable;
   const std::size_t end = std::min(motions.size(), first + Packet::kLanes);
   for (std::size_t i = first; i < end; ++i) {
@@ -94,31 +100,22 @@ std::vector<RobustRanking::Runner<Setpoints>> RobustRanking::RunnersOf(
   if (playable.empty()) return {};
   std::vector<MotionPlan> plans = Plans(playable);
   for (std::size_t m = 0; m < playable.size(); ++m) {
-    if constexpr (std::is_same_v<Setpoints, RankingSetpoints>) {
-      runners[m].setpoints = planner_.RankingSetpointsOf(playable[m], plans[m]);
-    } else {
-      runners[m].setpoints = planner_.SetpointsOf(playable[m], plans[m]);
-    }
+    runners[m].setpoints = planner_.SetpointsOf<N>(playable[m], plans[m]);
     runners[m].plan = std::move(plans[m]);
     runners[m].ticks = motion_.Ticks(playable[m]);
   }
   return runners;
 }
 
-std::array<double, Packet::kLanes> RobustRanking::LossesIn(const Runner<PacketSetpoints>& runner,
-                                                           const Ensemble& ensemble,
-                                                           std::size_t packet,
-                                                           LaneDistances& distances) const {
-  return RobotLosses(task_, ensemble, packet,
-                     {runner.setpoints, runner.ticks, hold_ ? &runner.plan.feedback : nullptr},
-                     distances);
+PacketMotion RobustRanking::MotionOf(const Runner<Packet>& runner) const {
+  return {runner.setpoints, runner.ticks, hold_ ? &runner.plan.feedback : nullptr};
 }
 
-double RobustRanking::Judge(const Runner<PacketSetpoints>& runner, const Ensemble& ensemble,
+double RobustRanking::Judge(const PacketMotion& motion, const Ensemble& ensemble,
                             LaneDistances& distances) const {
   double sum = 0;
   for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
-    const auto losses = LossesIn(runner, ensemble, p, distances);
+    const auto losses = RobotLosses(task_, ensemble, p, motion, distances);
     const double packet = std::accumulate(losses.begin(), losses.end(), 0.0);
     if (p == 0 && AllFall(packet, Packet::kLanes)) return packet / Packet::kLanes;
     sum += packet;
@@ -131,12 +128,13 @@ std::vector<double> RobustRanking::Evaluate(const std::vector<std::vector<double
   std::vector<double> losses(motions.size());
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     LaneDistances distances = DistancesOf(task_);
-    for (const auto& runner : RunnersOf<PacketSetpoints>(motions, Index(p) * Packet::kLanes,
-                                                         distances.front(), losses)) {
+    for (const auto& runner :
+         RunnersOf<Packet>(motions, Index(p) * Packet::kLanes, distances.front(), losses)) {
+      const PacketMotion motion = MotionOf(runner);
       double& loss = losses[runner.motion];
-      loss += Judge(runner, ensemble, distances) + PenaltyOf(runner.plan.excess);
+      loss += Judge(motion, ensemble, distances) + PenaltyOf(runner.plan.excess);
       if (task_.beside_model())
-        AddModel(loss, [&] { return Judge(runner, fine_model_, distances); });
+        AddModel(loss, [&] { return Judge(motion, fine_model_, distances); });
     }
   });
   return losses;
@@ -147,25 +145,21 @@ std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& 
   std::vector<double> losses(motions.size());
   const RankingEnsemble robots = ForRanking(ensemble);
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
-    LaneDistances distances = DistancesOf(task_);
-    for (auto& runner : RunnersOf<RankingSetpoints>(motions, Index(p) * Packet::kLanes,
-                                                    distances.front(), losses)) {
-      for (; runner.packets < robots.robots.size(); ++runner.packets) {
-        const auto of_packet =
-            RobotLosses(task_, robots, runner.packets, {runner.setpoints, runner.ticks});
-        runner.sum += std::accumulate(of_packet.begin(), of_packet.end(), 0.0);
-        runner.robots += of_packet.size();
-        if (runner.packets == 0 && AllFall(runner.sum, runner.robots)) break;
+    SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
+    for (auto& runner : RunnersOf<float>(motions, Index(p) * Packet::kLanes, distances, losses)) {
+      while (runner.packets < robots.robots.size()) {
+        const std::size_t packet = runner.packets;
+        runner.Add(RobotLosses(task_, robots, packet, {runner.setpoints, runner.ticks}),
+                   robots.CountIn(packet));
+        if (packet == 0 && AllFall(runner.sum, runner.robots)) break;
       }
       double& loss = losses[runner.motion];
       loss += runner.loss();
       if (!task_.beside_model() || model == Model::kIsLeftOut) continue;
       AddModel(loss, [&] {
-        const Runner<PacketSetpoints> exact{
-            .plan = runner.plan,
-            .setpoints = planner_.SetpointsOf(motions[runner.motion], runner.plan),
-            .ticks = runner.ticks};
-        return Judge(exact, fine_model_, distances);
+        const auto setpoints = planner_.SetpointsOf<Packet>(motions[runner.motion], runner.plan);
+        LaneDistances none;  // without a feedback nothing is looked at
+        return Judge({setpoints, runner.ticks}, fine_model_, none);
       });
     }
   });
@@ -190,22 +184,20 @@ std::vector<RobustRanking::Arrival> RobustRanking::Arrivals(
   std::vector<Arrival> arrivals(motions.size());
   std::vector<double> penalties(motions.size());
   const RankingEnsemble robots = ForRanking(ensemble);
-  const std::size_t count = 2 * ensemble.robots.size() * Packet::kLanes;  // of divergences
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
     for (const auto& runner :
-         RunnersOf<RankingSetpoints>(motions, Index(p) * Packet::kLanes, distances, penalties)) {
+         RunnersOf<float>(motions, Index(p) * Packet::kLanes, distances, penalties)) {
       Arrival& arrival = arrivals[runner.motion];
       arrival.penalty = PenaltyOf(runner.plan.excess);
       const RankingMotion motion{runner.setpoints, runner.ticks};
       for (std::size_t packet = 0; packet < robots.robots.size(); ++packet) {
         const auto [soon, later] = RobotDivergences(task_, robots, packet, motion);
-        for (std::size_t lane = 0; lane < soon.size(); ++lane) {
+        for (std::size_t lane = 0; lane < robots.CountIn(packet); ++lane) {
           arrival.divergences.push_back(soon[lane]);
           arrival.divergences.push_back(later[lane]);
         }
       }
-      arrival.divergences.resize(count);  // without those of whom the last packet is filled up
     }
   });
   for (std::size_t i = 0; i < motions.size(); ++i) arrivals[i].penalty += penalties[i];
@@ -216,7 +208,7 @@ std::vector<double> RobustRanking::LossesOfRobots(const std::vector<double>& x,
                                                   const Ensemble& ensemble) const {
   std::vector<double> losses, penalties(1);
   LaneDistances distances = DistancesOf(task_);
-  for (const auto& runner : RunnersOf<PacketSetpoints>({x}, 0, distances.front(), penalties)) {
+  for (const auto& runner : RunnersOf<Packet>({x}, 0, distances.front(), penalties)) {
     for (std::size_t packet = 0; packet < ensemble.robots.size(); ++packet) {
       const auto of_packet =
           RobotLosses(task_, ensemble, packet, {runner.setpoints, runner.ticks}, distances);
@@ -247,7 +239,7 @@ std::vector<double> RobustRanking::RankHalf(const std::vector<std::vector<double
 double RobustRanking::WorstLoss(const std::vector<double>& x, const Ensemble& ensemble) const {
   const MotionPlan plan = Plans({x}).front();
   if (plan.excess > 0) return 1 + plan.excess;
-  const PacketSetpoints setpoints = planner_.SetpointsOf(x, plan);
+  const PacketSetpoints setpoints = planner_.SetpointsOf<Packet>(x, plan);
   const PacketMotion motion{setpoints, motion_.Ticks(x)};
   LaneDistances distances;  // without a feedback nothing is looked at
   double worst = 0;
@@ -264,49 +256,53 @@ std::vector<double> RobustRanking::Race(const std::vector<std::vector<double>>& 
                                         const Ensemble& ensemble, int generation) const {
   if (!hold_) {
     const RankingEnsemble robots = ForRanking(ensemble);
-    return RaceOn<RankingSetpoints>(
-        motions, robots.robots.size(), generation, [&](const auto& runner, std::size_t packet) {
-          return RobotLosses(task_, robots, packet, {runner.setpoints, runner.ticks});
+    return RaceOn<float>(
+        motions, robots.robots.size(), generation,
+        [&](std::size_t packet, LaneDistances& /*distances*/, Runner<float>& runner) {
+          runner.Add(RobotLosses(task_, robots, packet, {runner.setpoints, runner.ticks}),
+                     robots.CountIn(packet));
         });
   }
-  return RaceOn<PacketSetpoints>(motions, ensemble.robots.size(), generation,
-                                 [&](const auto& runner, std::size_t packet) {
-                                   LaneDistances distances = DistancesOf(task_);
-                                   return LossesIn(runner, ensemble, packet, distances);
-                                 });
+  return RaceOn<Packet>(motions, ensemble.robots.size(), generation,
+                        [&](std::size_t packet, LaneDistances& distances, Runner<Packet>& runner) {
+                          runner.Add(
+                              RobotLosses(task_, ensemble, packet, MotionOf(runner), distances),
+                              Packet::kLanes);
+                        });
 }
 
-template <class Setpoints, class Losses>
+template <class N, class Play>
 std::vector<double> RobustRanking::RaceOn(const std::vector<std::vector<double>>& motions,
                                           std::size_t packets, int generation,
-                                          const Losses& losses_of) const {
+                                          const Play& play) const {
   const std::size_t first = Index(generation) * (packets >> (kRungs - 1));
   std::vector<double> losses(motions.size());
-  std::vector<std::vector<Runner<Setpoints>>> ready(Index(PacketsOf(motions)));
+  std::vector<std::vector<Runner<N>>> ready(Index(PacketsOf(motions)));
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
     SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
-    ready[Index(p)] = RunnersOf<Setpoints>(motions, Index(p) * Packet::kLanes, distances, losses);
+    ready[Index(p)] = RunnersOf<N>(motions, Index(p) * Packet::kLanes, distances, losses);
   });
-  std::vector<Runner<Setpoints>> runners;
+  std::vector<Runner<N>> runners;
   for (auto& some : ready) std::move(some.begin(), some.end(), std::back_inserter(runners));
   const std::vector<double> penalties = losses;
   for (double& loss : losses)
     if (loss >= RobustMotion::kUnplayable) loss += kDropped * kRungs;
-  const auto loss_of = [&](const auto& runner) { return penalties[runner.motion] + runner.loss(); };
+  const auto loss_of = [&](const Runner<N>& runner) {
+    return penalties[runner.motion] + runner.loss();
+  };
   for (int rung = 0; rung < kRungs; ++rung) {
     const std::size_t goal = packets >> (kRungs - 1 - rung);
     ParallelFor(static_cast<int>(runners.size()), task_.options.threads,
                 [&](int i, int /*thread*/) {
-                  auto& runner = runners[Index(i)];
-                  for (; runner.packets < goal; ++runner.packets) {
-                    const auto robots = losses_of(runner, (first + runner.packets) % packets);
-                    runner.sum += std::accumulate(robots.begin(), robots.end(), 0.0);
-                    runner.robots += robots.size();
-                  }
+                  Runner<N>& runner = runners[Index(i)];
+                  LaneDistances distances = hold_ ? DistancesOf(task_) : LaneDistances{};
+                  while (runner.packets < goal)
+                    play((first + runner.packets) % packets, distances, runner);
                 });
     std::ranges::stable_sort(runners, {}, loss_of);
     const int dropped = kRungs - 1 - rung;
-    for (const auto& runner : runners) losses[runner.motion] = loss_of(runner) + kDropped * dropped;
+    for (const Runner<N>& runner : runners)
+      losses[runner.motion] = loss_of(runner) + kDropped * dropped;
     if (dropped > 0) runners.resize((runners.size() + 1) / 2);
   }
   return losses;

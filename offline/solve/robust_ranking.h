@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -90,17 +89,18 @@ class RobustRanking {
   [[nodiscard]] std::vector<double> Rank(const std::vector<std::vector<double>>& motions,
                                          const Ensemble& ensemble, Model model) const;
   /// A motion on its way through the packets of an ensemble.
-  /// @tparam Setpoints  PacketSetpoints, or RankingSetpoints.
-  template <class Setpoints>
+  /// @tparam N  the numbers of its setpoints: Packet, or float.
+  template <class N>
   struct Runner;
   /// The motions of a packet, from the first on, whose paths keep their limits.
   /// @param losses  gets the penalties of all of them.
-  template <class Setpoints>
-  [[nodiscard]] std::vector<Runner<Setpoints>> RunnersOf(
-      const std::vector<std::vector<double>>& motions, std::size_t first, SelfDistances& distances,
-      std::vector<double>& losses) const;
+  template <class N>
+  [[nodiscard]] std::vector<Runner<N>> RunnersOf(const std::vector<std::vector<double>>& motions,
+                                                 std::size_t first, SelfDistances& distances,
+                                                 std::vector<double>& losses) const;
+  [[nodiscard]] PacketMotion MotionOf(const Runner<Packet>& runner) const;
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
-  [[nodiscard]] double Judge(const Runner<PacketSetpoints>& runner, const Ensemble& ensemble,
+  [[nodiscard]] double Judge(const PacketMotion& motion, const Ensemble& ensemble,
                              LaneDistances& distances) const;
   /// Whether robots that are looked at first have so large a sum of losses that the others are not
   /// looked at.
@@ -109,16 +109,12 @@ class RobustRanking {
   /// what the task asks.
   /// @param of_model  the loss of the model, where it is asked for.
   void AddModel(double& loss, const std::function<double()>& of_model) const;
-  /// Of a packet of an ensemble.
-  [[nodiscard]] std::array<double, Packet::kLanes> LossesIn(const Runner<PacketSetpoints>& runner,
-                                                            const Ensemble& ensemble,
-                                                            std::size_t packet,
-                                                            LaneDistances& distances) const;
-  /// Race, with the losses of a runner and a packet.
-  template <class Setpoints, class Losses>
+  /// Race.
+  /// @param play  plays a runner on a packet.
+  template <class N, class Play>
   [[nodiscard]] std::vector<double> RaceOn(const std::vector<std::vector<double>>& motions,
                                            std::size_t packets, int generation,
-                                           const Losses& losses_of) const;
+                                           const Play& play) const;
 
   const RobustTask& task_;
   const RobustMotion& motion_;

@@ -79,7 +79,8 @@ struct Tuning {
 class TuningEnd {
  public:
   /// @param loss   the least so far, after each generation.
-  /// @param worst  RobustRanking::WorstLoss of the motion that has it.
+  /// @param worst  RobustRanking::WorstLoss of the motion that has it: 1 and more where that is of
+  ///               no use, since its plan exceeds a limit. Then the search goes on.
   bool Reached(double loss, const std::function<double()>& worst) {
     const bool better = losses_.empty() || loss < losses_.back();
     if (better && loss < 2 * Tuning::kMargin) worst_ = worst();
@@ -88,7 +89,7 @@ class TuningEnd {
     if (losses_.size() <= Tuning::kPatience) return false;
     const double before = losses_[losses_.size() - 1 - Tuning::kPatience];
     if (loss > RobotLoss::kCarried && losses_.size() < Tuning::kChance) return false;
-    return loss > (1 - Tuning::kProgress) * before;
+    return loss > (1 - Tuning::kProgress) * before && (loss > Tuning::kNoUse || worst() < 1);
   }
   /// Whether every robot stands with a margin.
   [[nodiscard]] bool has_margin() const { return worst_ <= Tuning::kMargin; }
@@ -183,11 +184,11 @@ class RobustSearch {
 
   /// How many robots a motion carries that the search has not met; none where a feedback is asked
   /// for, which has a say in that, or the motion cannot be played.
-  [[nodiscard]] std::optional<RobotsCarried> CarriedBy(const Candidate& candidate) const {
+  [[nodiscard]] std::optional<RobotsCarried> CarriedBy(const Candidate& candidate) {
     if (task_.settings.feedback || interrupted()) return std::nullopt;
     constexpr int kSeries = 2;  // of none of the search
-    const std::vector<double> losses =
-        ranking_.LossesOfRobots(candidate.x, PolishingRobots(1, kSeries));
+    if (!not_met_) not_met_ = PolishingRobots(1, kSeries);
+    const std::vector<double> losses = ranking_.LossesOfRobots(candidate.x, *not_met_);
     if (losses.empty()) return std::nullopt;
     const auto carried =
         std::ranges::count_if(losses, [](double loss) { return loss < RobotLoss::kCarried; });
@@ -258,7 +259,8 @@ class RobustSearch {
     // The least of many losses is also that of the motion that suits these robots by chance.
     const std::vector<double> losses = Evaluate(elite_, PolishingRobots(1, 1));
     const auto least = std::ranges::min_element(losses);
-    polished.front() = {elite_[static_cast<std::size_t>(least - losses.begin())], *least};
+    const bool all_rest = polished.front().all_rest && *least < RobotLoss::kPerfect;
+    polished.front() = {elite_[static_cast<std::size_t>(least - losses.begin())], *least, all_rest};
     Tell(false, 0, *least);
     return polished;
   }
@@ -361,9 +363,10 @@ class RobustSearch {
     if (task_.options.progress) task_.options.progress(evaluation);
   }
 
-  /// Motions that are found for the model, each from a seed of its own. Where the duration is free,
-  /// they take from the least to the most. Empty where the first says that how robots arrive does
-  /// not tell what comes of them.
+  /// Motions that were screened for the model, in searches each with a seed of its own, the one
+  /// that costs least first. Where the duration is free, they take from the least to the most.
+  /// Empty where the best of the first search says that how robots arrive does not tell what comes
+  /// of them, or of another, where those before it carry too few robots to say.
   std::vector<Candidate> FoundForTheModel() {
     const RobustSettings& settings = task_.settings;
     SolveOptions silent;
@@ -385,16 +388,16 @@ class RobustSearch {
       }
       const SolveOutcome outcome = Solve(problem, silent);
       evaluations_ += outcome.evaluations;
-      double least = std::numeric_limits<double>::infinity();
+      Candidate best{{}, std::numeric_limits<double>::infinity()};
       for (const Solution& solution : outcome.solutions) {
-        if (!solution.rollout.finite) continue;
-        least = std::min(least, solution.rollout.cost);
+        if (solution.evaluations == 0 || !solution.rollout.finite) continue;
         found.push_back({motion_.Reduce(solution.x, problem.duration_s), solution.rollout.cost});
-        if (telling == Telling::kUnknown)
-          telling = DivergenceTells(ranking_, found.back().x, robots);
-        if (telling == Telling::kNo) return {};
+        if (found.back().loss < best.loss) best = found.back();
       }
-      if (std::isfinite(least)) Show(SearchStage::kModel, i, least);
+      if (best.x.empty()) continue;
+      Show(SearchStage::kModel, i, best.loss);
+      if (telling == Telling::kUnknown) telling = DivergenceTells(ranking_, best.x, robots);
+      if (telling == Telling::kNo) return {};
     }
     SortByLoss(found);
     return found;
@@ -418,7 +421,7 @@ class RobustSearch {
           Show(SearchStage::kArrivals, start, loss);
         },
         [this] { return interrupted(); });
-    if (led.empty()) return found;  // interrupted
+    if (led.empty()) return {found.front()};  // interrupted
     std::vector<Candidate> captured;
     for (const CapturedMotion& motion : led) captured.push_back({motion.x, motion.loss});
     EvaluateAgain(captured, MakeEnsemble(Capturing::kJudges, task_.settings.polish_scale,
@@ -612,6 +615,7 @@ class RobustSearch {
     if (!races && !ranking_.has_gains() && elite_.size() > 1) {
       // Single precision has ordered motions, and judges none.
       best.loss = Evaluate({best.x}, ensemble).front();
+      if (!task_.tunes()) best.all_rest = best.loss < RobotLoss::kPerfect;
       if (best.loss > at_first.loss) best = at_first;
     }
     if (elite_.size() >= Improving::kElite)
@@ -631,6 +635,7 @@ class RobustSearch {
   RobustRanking ranking_{task_, motion_, planner_, feedback_};
   const Feedback<double>* taken_ = nullptr;  ///< Of the guess, where its gains are taken.
   bool as_it_is_ = false;
+  std::optional<Ensemble> not_met_;  ///< By the search.
   /// Of the last improvement: the last motions that were the best, and the candidates' mean.
   std::vector<std::vector<double>> elite_;
   int stage_ = 0;

@@ -117,7 +117,9 @@ struct Solution {
 /// How far `Solve` takes motions.
 enum class SolveTo : std::uint8_t {
   kMinimum,  ///< As far as it says.
-  kScreened  ///< Through screening alone: what comes of it is changed further by others.
+  /// Through screening alone: what comes of it is changed further by others. Where it is found with
+  /// fewer control points (Solve), its rollout is that of these.
+  kScreened
 };
 
 /// Options of `Solve`. They do not change the result, unless it is interrupted, `contact` gives

@@ -155,11 +155,12 @@ GateOutcome PassGate(const std::string& motion, const std::string& drives,
     return false;
   };
   const int wanted = outcome.draws.count;
-  for (int number = 1; number <= kDrawnForEach * wanted && !ended(); ++number) {
-    if (static_cast<int>(outcome.robots.size()) > wanted) break;
-    if (!is_left_out(number)) outcome.robots.push_back(asked.Play(number, deviations));
+  const auto missing = [&] { return static_cast<int>(outcome.robots.size()) <= wanted; };
+  for (int number = 1; number <= kDrawnForEach * wanted && missing() && !ended(); ++number) {
+    if (is_left_out(number) || ended()) continue;
+    outcome.robots.push_back(asked.Play(number, deviations));
   }
-  outcome.interrupted = ended();
+  outcome.interrupted = ended() && missing();
   return outcome;
 }
 

@@ -135,6 +135,7 @@ int Main(std::string_view what, std::string_view name) {
   if (what == "rank") {
     for (const RankingKernel* kernel : RankingKernels())
       if (name == kernel->name) return CountRanking(*kernel);
+    name = "";
   }
   const bool classically = what == "classically";
   if (name == "one") return Count(OneRobotKernel(), classically);

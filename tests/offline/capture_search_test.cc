@@ -104,10 +104,8 @@ TEST(RobustRanking, RanksInSinglePrecisionAsRobotsInDoublePrecisionJudge) {
     const std::vector<double> judged = shipped.ranking().Evaluate(motions, robots);
     const std::vector<double> ranked = shipped.ranking().Rank(motions, robots);
     ASSERT_EQ(ranked.size(), motions.size());
-    if (packets % 2 == 0) {
-      // At most two robots of 128 end otherwise.
-      for (std::size_t m = 0; m < 7; ++m) EXPECT_NEAR(ranked[m], judged[m], 0.02) << m;
-    }
+    // At most two robots of 128 end otherwise, and none of 40.
+    for (std::size_t m = 0; m < 7; ++m) EXPECT_NEAR(ranked[m], judged[m], 0.02) << m;
     EXPECT_GT(ranked[7], ranked[0] + 0.2);
     EXPECT_GE(ranked[8], RobustMotion::kUnplayable);
   }
@@ -217,6 +215,27 @@ TEST(Capture, LeadsOfManyMotionsThoseWhoseRobotsArriveNearestToRest) {
       [&](int start, int, double) { started.push_back(start); }, [] { return false; });
   EXPECT_EQ(led.size(), 1U);
   EXPECT_EQ(started, std::vector<int>{2});
+}
+
+TEST(Capture, KeepsACandidateThatArrivesAmongOthersThatFall) {
+  const Shipped handstand;
+  // From where all fall: of so many seeds, some meet a motion whose robots arrive, which the mean
+  // of all candidates loses again.
+  std::vector<double> far = handstand.motion();
+  for (double& x : far) x += 0.02;
+  const Ensemble robots = handstand.Robots(8, 3);
+  int kept = 0;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    double least = 10;
+    const CapturedMotion led =
+        Capture(
+            handstand.ranking(), {far}, robots, {.generations = 15}, seed,
+            [&](int, int, double loss) { least = std::min(least, loss); }, [] { return false; })
+            .front();
+    // What is returned is no worse than the best that was met by much.
+    if (led.loss < least + 0.25) ++kept;
+  }
+  EXPECT_GE(kept, 3);
 }
 
 TEST(Capture, LeadsTheModelsHandstandToWhereMoreRobotsComeToRest) {

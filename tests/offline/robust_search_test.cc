@@ -203,6 +203,17 @@ TEST(RobustSearch, SaysHowManyRobotsItsMotionCarriesThatItHasNotMet) {
   EXPECT_LT(elsewhere.solutions.front().robots->carried, 16);
 }
 
+TEST(RobustSearch, SaysThatNothingIsLeftToGainHoweverManyRobotsThereAre) {
+  Task task = LoadTask(testing::SourcePath("primitives/tasks/rise.toml"));
+  for (const int robots : {64, 128}) {
+    task.problem.robust->polish_robots = robots;
+    const Solution best = SolveRobust(task.problem, {}).solutions.front();
+    EXPECT_EQ(best.end, SolveEnd::kAllRest) << robots;
+    ASSERT_TRUE(best.robots);
+    EXPECT_EQ(best.robots->carried, robots);
+  }
+}
+
 TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
   Problem problem = ProblemOf(QuickRobustTask("zero_rad = 0.05\n"));
   std::vector<double> guess = StraightPaths(problem);
@@ -219,7 +230,7 @@ TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots)
   // search has random numbers of its own, so that one generation differs a little from another.
   const double then = SolveRobust(problem, {}, eight.solutions.front().x).history[0].cost;
   const double anew = SolveRobust(problem, {}, guess).history[0].cost;
-  EXPECT_LT(std::abs(both.history[3].cost - then), 0.25 * (anew - then));
+  EXPECT_LT(std::abs(both.history[3].cost - then), 0.5 * (anew - then));
   ASSERT_EQ(both.solutions.size(), 1U);
 }
 

@@ -369,6 +369,19 @@ TEST(Solve, WhatIsOnlyScreenedIsThereSoonerAndMayBeLedFurther) {
   EXPECT_LT(screened.solutions.front().rollout.cost, 0.1) << "the robot does not arrive upright";
 }
 
+TEST(Solve, WhatIsScreenedWithFewPointsHasThoseOfTheTask) {
+  Task task = LoadTask(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
+  for (ActuatedJoint& joint : task.problem.joints) joint.control_points = 20;
+  SolveOptions options;
+  options.to = SolveTo::kScreened;
+  const SolveOutcome screened = Solve(task.problem, options);
+  ASSERT_FALSE(screened.solutions.empty());
+  Rollout rollout(task.problem, task.problem.solver.step_s);
+  for (const Solution& solution : screened.solutions)
+    ASSERT_EQ(solution.x.size(), static_cast<std::size_t>(task.problem.parameter_count()));
+  EXPECT_LT(rollout.Run(screened.solutions.front().x).cost, 0.1);
+}
+
 TEST(Solve, ThreadsChangeNothing) {
   const Problem problem = Parsed(QuickTask());
   const SolveOutcome one = Solve(problem, {});
