@@ -14,6 +14,7 @@
 #include "offline/certify/default_drives_note.h"
 #include "offline/model/robot_notes.h"
 #include "offline/model/urdf_source.h"
+#include "offline/solve/robust_task.h"
 
 namespace tumbler {
 namespace {
@@ -148,16 +149,17 @@ void PrintRobust(std::FILE* people, const TaskResult& result) {
   if (result.best.robots) {
     const RobotsCarried& robots = *result.best.robots;
     const RobustSettings& settings = *result.problem().robust;
-    fmt::print(
-        people,
-        "  of {} robots{}{}, which the search has not met, {} come to rest as asked, {}; tumbler "
-        "robustness looks at all that a run does\n",
-        robots.of,
-        settings.spreads.posterior
-            ? fmt::format(" of the posterior at {:.3g} standard deviations", robots.scale)
-            : fmt::format(" at {:.3g} times the spreads", robots.scale),
-        result.task.complement.empty() ? "" : " that the other motions do not carry",
-        robots.carried, ToText(ShareOf(robots.carried, robots.of)));
+    fmt::print(people,
+               "  of {} robots{}{}, which the search has not met, {} rest as asked {:.1f} s after "
+               "the motion, "
+               "{}; tumbler robustness looks 2 s after it, and at all that a run does\n",
+               robots.of,
+               settings.spreads.posterior
+                   ? fmt::format(" of the posterior at {:.3g} standard deviations", robots.scale)
+                   : fmt::format(" at {:.3g} times the spreads", robots.scale),
+               result.task.complement.empty() ? "" : " that the other motions do not carry",
+               robots.carried, result.problem().settle_s + RobustTask::kLater_s,
+               ToText(ShareOf(robots.carried, robots.of)));
   }
   if (!result.robust) return;
   const RobotsAsAsked& robust = *result.robust;
