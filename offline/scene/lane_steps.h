@@ -3,7 +3,6 @@
 #include <array>
 #include <cstddef>
 #include <span>
-#include <type_traits>
 
 #include "common/core/drive_law.h"
 #include "offline/scene/joint_stop.h"
@@ -125,19 +124,13 @@ class LanePositions {
   }
 
  private:
-  struct None {};
-  using Lost = std::array<S, LaneModel::kMaxDofs>;
-  static Lost Nothing() {
-    Lost nothing;
-    nothing.fill(S(0));
+  static constexpr std::size_t kCount = kIsSingle<S> ? LaneModel::kMaxDofs : 0;
+  static std::array<S, kCount> Nothing() {
+    std::array<S, kCount> nothing;
+    if constexpr (kCount > 0) nothing.fill(S(0));
     return nothing;
   }
-  std::conditional_t<kIsSingle<S>, Lost, None> lost_ = [] {
-    if constexpr (kIsSingle<S>)
-      return Nothing();
-    else
-      return None{};
-  }();
+  std::array<S, kCount> lost_ = Nothing();
 };
 
 /// LaneKernel::drive for some lanes of packets P, with S and a tree that the model has.

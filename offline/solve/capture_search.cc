@@ -60,6 +60,123 @@ struct Led {
   double least = 0;
 };
 
+/// The search of Capture.
+class CaptureSearch {
+ public:
+  using Tell = std::function<void(int start, int motions, double loss)>;
+  CaptureSearch(const RobustRanking& ranking, const Ensemble& robots,
+                const CaptureSettings& settings, std::uint64_t seed, const Tell& tell,
+                const std::function<bool()>& ended)
+      : ranking_(ranking),
+        robots_(robots),
+        settings_(settings),
+        seed_(seed),
+        tell_(tell),
+        ended_(ended) {}
+
+  std::vector<CapturedMotion> Run(const std::vector<std::vector<double>>& from) {
+    std::vector<Led> led = Begin(from);
+    while (!ended_() && !led.empty()) {
+      const bool last = led.size() <= settings_.wanted;
+      for (Led& one : led) {
+        do {
+          GoOn(one, last ? kPackets : kPacketsAtFirst);
+          Judge(one);
+        } while (last && one.generation < settings_.generations && !one.nothing_to_gain &&
+                 !ended_());
+      }
+      std::ranges::stable_sort(led, {}, &Led::loss);
+      if (last || led.front().loss < RobotLoss::kPerfect) break;
+      led.erase(led.begin() +
+                    static_cast<std::ptrdiff_t>(std::max(settings_.wanted, (led.size() + 1) / 2)),
+                led.end());
+    }
+    std::vector<CapturedMotion> captured;
+    for (const Led& one : led) captured.push_back({one.x, one.loss});
+    if (captured.size() > settings_.wanted) captured.resize(settings_.wanted);
+    return captured;
+  }
+
+ private:
+  [[nodiscard]] std::vector<double> LossesOf(const std::vector<std::vector<double>>& motions,
+                                             const Ensemble& some, double half_rad_s) const {
+    std::vector<double> losses;
+    for (const RobustRanking::Arrival& arrival : ranking_.Arrivals(motions, some))
+      losses.push_back(LossOf(arrival, half_rad_s));
+    return losses;
+  }
+  /// A search around a motion.
+  [[nodiscard]] CmaEs Around(const std::vector<double>& x, double reach, std::uint64_t own) const {
+    const auto covariance = ArrivalCovariance(ranking_, x, judges_, settings_.reach_rad);
+    return covariance ? CmaEs(x, *covariance, kPopulation, own) : CmaEs(x, reach, kPopulation, own);
+  }
+
+  /// The motions whose robots arrive nearest to rest.
+  std::vector<Led> Begin(const std::vector<std::vector<double>>& from) const {
+    std::vector<std::size_t> order(from.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    if (order.size() > settings_.started && !ended_()) {
+      const std::vector<double> losses = LossesOf(from, judges_, kWide_rad_s);
+      std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
+      order.resize(settings_.started);
+    }
+    std::vector<Led> led;
+    for (const std::size_t i : order) {
+      if (ended_()) break;
+      led.push_back(
+          {static_cast<int>(i), Around(from[i], settings_.reach_rad, seed_ + led.size())});
+      led.back().x = from[i];
+    }
+    return led;
+  }
+
+  /// Leads a motion through a round.
+  void GoOn(Led& one, std::size_t packets) const {
+    const int end = std::min(one.generation + kRound, settings_.generations);
+    for (; one.generation < end && !ended_(); ++one.generation) {
+      const double part = std::min(1.0, one.generation / (kNarrowFrom * settings_.generations));
+      const double half_rad_s =
+          kWide_rad_s * portable::Exp(part * portable::Log(kNarrow_rad_s / kWide_rad_s));
+      const std::vector<std::vector<double>> candidates = one.search.Ask();
+      const std::vector<double> losses = LossesOf(
+          candidates, PartOf(robots_, Index(one.generation) * kPackets, packets), half_rad_s);
+      one.search.Tell(losses);
+      const auto least = std::ranges::min_element(losses);
+      if (one.best.empty() || *least < one.least) {
+        one.best = candidates[static_cast<std::size_t>(least - losses.begin())];
+        one.least = *least;
+      }
+      tell_(one.number, kPopulation, *least);
+      one.nothing_to_gain = *least < RobotLoss::kPerfect;
+      if (one.nothing_to_gain) break;
+    }
+  }
+
+  /// Gives a motion its loss. Among motions whose robots all fall, one that does not is soon lost
+  /// again: a mean hardly follows it. Then the search begins anew from there.
+  void Judge(Led& one) const {
+    one.x = one.search.mean();
+    one.loss = LossesOf({one.x}, judges_, kNarrow_rad_s).front();
+    if (one.best.empty()) return;
+    const double of_best = LossesOf({one.best}, judges_, kNarrow_rad_s).front();
+    if (of_best < one.loss - kLost) {
+      one.x = one.best;
+      one.loss = of_best;
+      one.search = Around(one.x, settings_.reach_rad / 2,
+                          seed_ + Index(one.generation) * kSeedsOfRestart + Index(one.number));
+    }
+    one.best.clear();
+  }
+
+  const RobustRanking& ranking_;
+  const Ensemble& robots_;
+  const CaptureSettings& settings_;
+  std::uint64_t seed_;
+  const Tell& tell_;
+  const std::function<bool()>& ended_;
+  Ensemble judges_ = PartOf(robots_, 0, kJudges);
+};
+
 }  // namespace
 
 Telling DivergenceTells(const RobustRanking& ranking, const std::vector<double>& x,
@@ -116,87 +233,7 @@ std::vector<CapturedMotion> Capture(
     const Ensemble& robots, const CaptureSettings& settings, std::uint64_t seed,
     const std::function<void(int start, int motions, double loss)>& tell,
     const std::function<bool()>& ended) {
-  const Ensemble judges = PartOf(robots, 0, kJudges);
-  const auto losses_of = [&](const std::vector<std::vector<double>>& motions, const Ensemble& some,
-                             double half_rad_s) {
-    std::vector<double> losses;
-    for (const RobustRanking::Arrival& arrival : ranking.Arrivals(motions, some))
-      losses.push_back(LossOf(arrival, half_rad_s));
-    return losses;
-  };
-  std::vector<std::size_t> order(from.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  if (order.size() > settings.started && !ended()) {
-    const std::vector<double> losses = losses_of(from, judges, kWide_rad_s);
-    std::ranges::stable_sort(order, {}, [&](std::size_t i) { return losses[i]; });
-    order.resize(settings.started);
-  }
-  std::vector<Led> led;
-  for (const std::size_t i : order) {
-    if (ended()) break;
-    const auto covariance = ArrivalCovariance(ranking, from[i], judges, settings.reach_rad);
-    const std::uint64_t own = seed + led.size();
-    led.push_back(
-        {static_cast<int>(i), covariance ? CmaEs(from[i], *covariance, kPopulation, own)
-                                         : CmaEs(from[i], settings.reach_rad, kPopulation, own)});
-  }
-  const auto go_on = [&](Led& one, int generations, std::size_t packets) {
-    for (int g = 0; g < generations && !ended(); ++g, ++one.generation) {
-      const double part = std::min(1.0, one.generation / (kNarrowFrom * settings.generations));
-      const double half_rad_s =
-          kWide_rad_s * portable::Exp(part * portable::Log(kNarrow_rad_s / kWide_rad_s));
-      const std::vector<std::vector<double>> candidates = one.search.Ask();
-      const std::vector<double> losses = losses_of(
-          candidates, PartOf(robots, Index(one.generation) * kPackets, packets), half_rad_s);
-      one.search.Tell(losses);
-      const auto least = std::ranges::min_element(losses);
-      if (one.best.empty() || *least < one.least) {
-        one.best = candidates[static_cast<std::size_t>(least - losses.begin())];
-        one.least = *least;
-      }
-      tell(one.number, kPopulation, *least);
-      if (*least < RobotLoss::kPerfect) {
-        one.nothing_to_gain = true;
-        break;
-      }
-    }
-  };
-  // Among motions whose robots all fall, one that does not is soon lost again: a mean hardly
-  // follows it. Then the search begins anew from there.
-  const auto judge = [&](Led& one) {
-    one.x = one.search.mean();
-    one.loss = losses_of({one.x}, judges, kNarrow_rad_s).front();
-    if (one.best.empty()) return;
-    const double of_best = losses_of({one.best}, judges, kNarrow_rad_s).front();
-    if (of_best < one.loss - kLost) {
-      one.x = one.best;
-      one.loss = of_best;
-      const auto covariance = ArrivalCovariance(ranking, one.x, judges, settings.reach_rad);
-      const std::uint64_t own = seed + Index(one.generation) * kSeedsOfRestart + Index(one.number);
-      one.search = covariance ? CmaEs(one.x, *covariance, kPopulation, own)
-                              : CmaEs(one.x, settings.reach_rad / 2, kPopulation, own);
-    }
-    one.best.clear();
-  };
-  while (!ended() && !led.empty()) {
-    const bool last = led.size() <= settings.wanted;
-    for (Led& one : led) {
-      do {
-        go_on(one, std::min(kRound, settings.generations - one.generation),
-              last ? kPackets : kPacketsAtFirst);
-        judge(one);
-      } while (last && one.generation < settings.generations && !one.nothing_to_gain && !ended());
-    }
-    std::ranges::stable_sort(led, {}, &Led::loss);
-    if (last || led.front().loss < RobotLoss::kPerfect) break;
-    led.erase(
-        led.begin() + static_cast<std::ptrdiff_t>(std::max(settings.wanted, (led.size() + 1) / 2)),
-        led.end());
-  }
-  std::vector<CapturedMotion> captured;
-  for (const Led& one : led) captured.push_back({one.x, one.loss});
-  if (captured.size() > settings.wanted) captured.resize(settings.wanted);
-  return captured;
+  return CaptureSearch(ranking, robots, settings, seed, tell, ended).Run(from);
 }
 
 }  // namespace tumbler
