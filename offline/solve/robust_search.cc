@@ -79,8 +79,8 @@ struct Tuning {
 class TuningEnd {
  public:
   /// @param loss   the least so far, after each generation.
-  /// @param worst  RobustRanking::WorstLoss of the motion that has it: 1 and more where that is of
-  ///               no use, since its plan exceeds a limit. Then the search goes on.
+  /// @param worst  RobustRanking::WorstLoss of the motion that has it: 1 and more where a robot
+  ///               falls, or its plan exceeds a limit. Then the search goes on.
   bool Reached(double loss, const std::function<double()>& worst) {
     const bool better = losses_.empty() || loss < losses_.back();
     if (better && loss < 2 * Tuning::kMargin) worst_ = worst();

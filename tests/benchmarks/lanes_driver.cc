@@ -47,88 +47,82 @@ template <class S>
   kernel.drive(model, robot, kSteps, setpoints, held, state, watch);
 }
 
-double Of(double all, double /*like*/) { return all; }
-Packet Of(double all, const Packet& /*like*/) { return Packet::Of(all); }
-double FirstOf(double number) { return number; }
-double FirstOf(const Packet& packet) { return packet.lane(0); }
-
-LaneRobot<double> RobotOf(const std::array<LaneRobot<double>, Packet::kLanes>& all, double) {
-  return all[0];
-}
-LaneRobot<Packet> RobotOf(const std::array<LaneRobot<double>, Packet::kLanes>& all, Packet) {
-  return PackLanes<LaneRobot>(all);
-}
-
-template <class S>
-int Count(const LaneKernel<S>& kernel, bool classically) {
-  const PrimitiveFile file =
-      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
-  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
-  std::array<LaneRobot<double>, Packet::kLanes> robots;
-  robots.fill(scene.robot);
-  const Primitive<double>& primitive = file.primitive;
-  LaneState<S> state{};
-  state.q[0] = Of(file.entry.root_x_m, S{});
-  state.q[1] = Of(file.entry.root_z_m, S{});
-  state.q[2] = Of(file.entry.root_pitch_rad, S{});
-  for (std::size_t j = 0; j < scene.model.joints; ++j)
-    state.q[3 + j] = Of(file.entry.joint_positions_rad[j], S{});
-  std::vector<LaneSetpoint<S>> setpoints;
-  const int ticks = static_cast<int>((primitive.duration_s + 0.5) / kSteps.tick_s);
-  for (int k = 0; k < ticks; ++k) {
-    const double t = kSteps.tick_s * k;
-    for (const JointMotion<double>& joint : primitive.motions()) {
-      const auto at = joint.position.Evaluate(t);
-      const double velocity = t < primitive.duration_s ? at.first : 0;
-      setpoints.push_back({Of(at.value, S{}), Of(velocity, S{}),
-                           Of(static_cast<double>(joint.torque.Evaluate(t).value), S{})});
-    }
-  }
-  CountedLanes<S>(kernel, classically, scene.model, RobotOf(robots, S{}), setpoints, state);
-  if (!(std::abs(FirstOf(state.q[2]) - file.exit.root_pitch_rad) < 0.1)) {
-    std::fputs("lanes_driver: the robot fell\n", stderr);
-    return 1;
-  }
-  std::printf("%d\n", ticks * kSteps.per_tick * (classically ? 4 : 1));
-  return 0;
-}
-
-/// Sixteen robots in single precision.
-int CountRanking(const RankingKernel& kernel) {
-  const PrimitiveFile file =
-      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
-  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
-  std::array<LaneRobot<double>, Packet::kLanes> robots;
-  robots.fill(scene.robot);
-  const LaneRobot<Packet> eight = PackLanes<LaneRobot>(robots);
+/// The shipped handstand and its hold, as one robot plays it.
+struct Handstand {
+  PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
+  LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
   LaneState<double> start{};
-  start.q[0] = file.entry.root_x_m;
-  start.q[1] = file.entry.root_z_m;
-  start.q[2] = file.entry.root_pitch_rad;
-  for (std::size_t j = 0; j < scene.model.joints; ++j)
-    start.q[3 + j] = file.entry.joint_positions_rad[j];
-  std::array<LaneState<double>, Packet::kLanes> states;
-  states.fill(start);
-  const LaneState<Packet> eight_states = PackLanes<LaneState>(states);
-  LaneState<WidePacket> state = WidenLanes<LaneState>(eight_states, eight_states);
-  std::vector<LaneSetpoint<float>> setpoints;
-  const auto ticks = static_cast<int>((file.primitive.duration_s + 0.5) / kSteps.tick_s);
-  for (int k = 0; k < ticks; ++k) {
-    const double t = kSteps.tick_s * k;
-    for (const JointMotion<double>& joint : file.primitive.motions()) {
-      const auto at = joint.position.Evaluate(t);
-      const double velocity = t < file.primitive.duration_s ? at.first : 0;
-      setpoints.push_back({static_cast<float>(at.value), static_cast<float>(velocity),
-                           static_cast<float>(joint.torque.Evaluate(t).value)});
+  std::vector<LaneSetpoint<double>> setpoints;
+  int ticks = static_cast<int>((file.primitive.duration_s + 0.5) / kSteps.tick_s);
+
+  Handstand() {
+    start.q[0] = file.entry.root_x_m;
+    start.q[1] = file.entry.root_z_m;
+    start.q[2] = file.entry.root_pitch_rad;
+    for (std::size_t j = 0; j < scene.model.joints; ++j)
+      start.q[3 + j] = file.entry.joint_positions_rad[j];
+    for (int k = 0; k < ticks; ++k) {
+      const double t = kSteps.tick_s * k;
+      for (const JointMotion<double>& joint : file.primitive.motions()) {
+        const auto at = joint.position.Evaluate(t);
+        const double velocity = t < file.primitive.duration_s ? at.first : 0;
+        setpoints.push_back(
+            {at.value, velocity, static_cast<double>(joint.torque.Evaluate(t).value)});
+      }
     }
   }
-  CountedRanking(kernel, scene.model, WidenLanes<LaneRobot>(eight, eight), setpoints, state);
-  if (!(std::abs(state.q[2].lane(0) - file.exit.root_pitch_rad) < 0.1)) {
-    std::fputs("lanes_driver: the robot fell\n", stderr);
-    return 1;
+  template <class N>
+  [[nodiscard]] std::vector<LaneSetpoint<N>> In(N (*in_lanes)(double)) const {
+    std::vector<LaneSetpoint<N>> of;
+    for (const LaneSetpoint<double>& s : setpoints)
+      of.push_back({in_lanes(s.position), in_lanes(s.velocity), in_lanes(s.third)});
+    return of;
   }
-  std::printf("%d\n", ticks * kSteps.per_tick);
-  return 0;
+  /// Prints how many steps or stages it took, unless the robot fell.
+  [[nodiscard]] int Say(double pitch_rad, int per_step) const {
+    if (!(std::abs(pitch_rad - file.exit.root_pitch_rad) < 0.1)) {
+      std::fputs("lanes_driver: the robot fell\n", stderr);
+      return 1;
+    }
+    std::printf("%d\n", ticks * kSteps.per_tick * per_step);
+    return 0;
+  }
+};
+
+template <template <class> class T>
+T<Packet> InAllLanes(const T<double>& one) {
+  std::array<T<double>, Packet::kLanes> each;
+  each.fill(one);
+  return PackLanes<T>(each);
+}
+
+int CountOne(const LaneKernel<double>& kernel, bool classically) {
+  const Handstand handstand;
+  LaneState<double> state = handstand.start;
+  CountedLanes<double>(kernel, classically, handstand.scene.model, handstand.scene.robot,
+                       handstand.setpoints, state);
+  return handstand.Say(state.q[2], classically ? 4 : 1);
+}
+
+int CountEight(const LaneKernel<Packet>& kernel, bool classically) {
+  const Handstand handstand;
+  LaneState<Packet> state = InAllLanes<LaneState>(handstand.start);
+  const auto setpoints = handstand.In(Packet::Of);
+  CountedLanes<Packet>(kernel, classically, handstand.scene.model,
+                       InAllLanes<LaneRobot>(handstand.scene.robot), setpoints, state);
+  return handstand.Say(state.q[2].lane(0), classically ? 4 : 1);
+}
+
+int CountRanking(const RankingKernel& kernel) {
+  const Handstand handstand;
+  const auto robot = InAllLanes<LaneRobot>(handstand.scene.robot);
+  const auto eight = InAllLanes<LaneState>(handstand.start);
+  LaneState<WidePacket> state = WidenLanes<LaneState>(eight, eight);
+  const auto setpoints =
+      handstand.In<float>([](double number) { return static_cast<float>(number); });
+  CountedRanking(kernel, handstand.scene.model, WidenLanes<LaneRobot>(robot, robot), setpoints,
+                 state);
+  return handstand.Say(state.q[2].lane(0), 1);
 }
 
 int Main(std::string_view what, std::string_view name) {
@@ -138,9 +132,9 @@ int Main(std::string_view what, std::string_view name) {
     name = "";
   }
   const bool classically = what == "classically";
-  if (name == "one") return Count(OneRobotKernel(), classically);
+  if (name == "one") return CountOne(OneRobotKernel(), classically);
   for (const LaneKernel<Packet>* kernel : PacketKernels())
-    if (name == kernel->name) return Count(*kernel, classically);
+    if (name == kernel->name) return CountEight(*kernel, classically);
   std::fputs("lanes_driver: this processor has no such kernel\n", stderr);
   return 2;
 }

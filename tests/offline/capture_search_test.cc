@@ -217,27 +217,6 @@ TEST(Capture, LeadsOfManyMotionsThoseWhoseRobotsArriveNearestToRest) {
   EXPECT_EQ(started, std::vector<int>{2});
 }
 
-TEST(Capture, KeepsACandidateThatArrivesAmongOthersThatFall) {
-  const Shipped handstand;
-  // From where all fall: of so many seeds, some meet a motion whose robots arrive, which the mean
-  // of all candidates loses again.
-  std::vector<double> far = handstand.motion();
-  for (double& x : far) x += 0.02;
-  const Ensemble robots = handstand.Robots(8, 3);
-  int kept = 0;
-  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-    double least = 10;
-    const CapturedMotion led =
-        Capture(
-            handstand.ranking(), {far}, robots, {.generations = 15}, seed,
-            [&](int, int, double loss) { least = std::min(least, loss); }, [] { return false; })
-            .front();
-    // What is returned is no worse than the best that was met by much.
-    if (led.loss < least + 0.25) ++kept;
-  }
-  EXPECT_GE(kept, 3);
-}
-
 TEST(Capture, LeadsTheModelsHandstandToWhereMoreRobotsComeToRest) {
   const Shipped handstand;
   const std::vector<double> x = handstand.motion();

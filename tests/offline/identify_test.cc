@@ -576,8 +576,11 @@ TEST(Tuning, LeadsAGuessThatIsFarOff) {
   const PosteriorFile file = WellKnown(task, 0.4, 0.4, 1.5);
   TuningSettings settings;
   settings.robots = 16;
-  const TaskResult result =
-      WorkOn(TunedTask(file, "primitives/handstand.toml", settings), Quietly());
+  Task tuned = TunedTask(file, "primitives/handstand.toml", settings);
+  // With this seed one candidate arrives where all others of its generation fall, and is lost
+  // again.
+  tuned.problem.search.seed = 3;
+  const TaskResult result = WorkOn(std::move(tuned), Quietly());
   ASSERT_TRUE(result.file) << result.cause;
   EXPECT_LT(result.outcome.history.back().cost, RobotLoss::kCarried);
   ASSERT_TRUE(result.best.robots);

@@ -217,7 +217,7 @@ TEST(RobustSearch, SaysThatNothingIsLeftToGainHoweverManyRobotsThereAre) {
 TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
   Problem problem = ProblemOf(QuickRobustTask("zero_rad = 0.05\n"));
   std::vector<double> guess = StraightPaths(problem);
-  for (double& x : guess) x += 0.1;  // Worse than what a round makes of it.
+  for (double& x : guess) x -= 0.1;  // Worse than what a round makes of it.
   const SolveOutcome eight = SolveRobust(problem, {}, guess);
   problem.robust->polish_robots = 16;
   problem.robust->polish_rounds = 2;
@@ -230,7 +230,7 @@ TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots)
   // search has random numbers of its own, so that one generation differs a little from another.
   const double then = SolveRobust(problem, {}, eight.solutions.front().x).history[0].cost;
   const double anew = SolveRobust(problem, {}, guess).history[0].cost;
-  EXPECT_LT(std::abs(both.history[3].cost - then), 0.5 * (anew - then));
+  EXPECT_LT(std::abs(both.history[3].cost - then), 0.25 * (anew - then));
   ASSERT_EQ(both.solutions.size(), 1U);
 }
 
