@@ -348,10 +348,19 @@ bool SimulatedBus::SomebodyHeeds(const CanFrame& frame) const noexcept {
 }
 
 std::int64_t SimulatedBus::NextDelivery() const noexcept {
+  return NextEnd([this](const CanFrame& frame) { return SomebodyHeeds(frame); });
+}
+
+std::int64_t SimulatedBus::NextFrameEnd() const noexcept {
+  return NextEnd([](const CanFrame& /*frame*/) { return true; });
+}
+
+template <class Counts>
+std::int64_t SimulatedBus::NextEnd(Counts counts) const noexcept {
   std::int64_t next = next_window_ns_;
   std::int64_t free_ns = now_ns_;
   if (phase_ == Phase::kFrame) {
-    if (SomebodyHeeds(wire_)) return std::min(next, phase_end_ns_);
+    if (counts(wire_)) return std::min(next, phase_end_ns_);
     free_ns = busy_until_ns_;
   } else if (phase_ == Phase::kRecovery) {
     free_ns = phase_end_ns_;
@@ -366,7 +375,7 @@ std::int64_t SimulatedBus::NextDelivery() const noexcept {
     const SimulatedPort::Entry& entry =
         queue.entries[static_cast<std::size_t>(queue.first + waiting) % queue.entries.size()];
     const bool last = queue.count == waiting + 1;
-    const bool heeded = SomebodyHeeds(entry.frame);
+    const bool heeded = counts(entry.frame);
     if (!heeded && last) continue;
     // Where nobody heeds it, the next one may begin after it; where it may be lost, in its place.
     const bool stays = last || port->config_.auto_retransmit || port->config_.waits_for_bus;

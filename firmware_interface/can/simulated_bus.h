@@ -236,6 +236,9 @@ class SimulatedBus {
   /// the end of the frame that is on the wire or could be next. The largest number where there is
   /// none.
   [[nodiscard]] std::int64_t NextDelivery() const noexcept;
+  /// The same of frames that nobody may heed, such as those that only wait in a port to be
+  /// received.
+  [[nodiscard]] std::int64_t NextFrameEnd() const noexcept;
   [[nodiscard]] std::int64_t bit_time_ns() const noexcept { return bit_time_ns_; }
   [[nodiscard]] const SimulatedBusStatistics& statistics() const noexcept { return statistics_; }
   /// Share of all time so far in which the bus was not idle, 0 ... 1.
@@ -264,6 +267,9 @@ class SimulatedBus {
   void BeginRecovery() noexcept;
   [[nodiscard]] std::int64_t NextEvent() noexcept;
   [[nodiscard]] bool SomebodyHeeds(const CanFrame& frame) const noexcept;
+  /// The earliest end of a frame that counts.
+  template <class Counts>
+  [[nodiscard]] std::int64_t NextEnd(Counts counts) const noexcept;
   [[nodiscard]] int DisturbedBit(int bits) noexcept;
   [[nodiscard]] double Random() noexcept;  // 0 <= x < 1
   void Occupy(Phase phase, int bits, int bits_until_free) noexcept;

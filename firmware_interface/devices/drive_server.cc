@@ -17,10 +17,12 @@ namespace {
 /// Steps in which time passes for the drives. The times of messages are exact to this.
 constexpr std::int64_t kSlice_ns = 1'000'000;
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
-/// Half a millisecond is enough for a frame and its answer, four milliseconds for those of eight
-/// drives.
-constexpr std::int64_t kAnswer_ns = 500'000;
-constexpr std::int64_t kAnswering_ns = 4'000'000;
+/// What the bus does not foretell, as that a drive reports by its own clock, is looked for so often
+/// for as long after a frame.
+constexpr std::int64_t kLook_ns = 500'000;
+constexpr std::int64_t kLooking_ns = 4'000'000;
+/// It sleeps for so long at least [ns of the clock], since each waking costs about a tenth.
+constexpr std::int64_t kLeastWait_ns = 50'000;
 constexpr std::int64_t kLostWait_ns = 50'000'000;  // of the clock
 
 std::int64_t Now(clockid_t clock) {
@@ -50,6 +52,7 @@ DriveServer::DriveServer(const std::string& interface, const DrivesConfig& confi
                          std::function<void(std::int64_t)> advance, double pace)
     : interface_(interface),
       interface_config_(InterfaceConfig(config)),
+      drives_bus_(bus),
       gateway_(bus.Attach(GatewayConfig())),
       advance_(std::move(advance)),
       pace_(pace) {
@@ -95,16 +98,23 @@ void DriveServer::AdvanceTo(std::int64_t time_ns) {
 
 void DriveServer::ServeUntil(std::int64_t time_ns) {
   const std::int64_t now = now_ns();
-  // While drives answer, the server wakes up early to send their answers.
-  const std::int64_t wake = now - heard_ns_ < kAnswering_ns ? now + kAnswer_ns : time_ns;
+  // It wakes up where a frame ends on the drives' bus, so that an answer goes out when its last
+  // bit does: by the host's time stamps of answers a record tells when setpoints came.
+  std::int64_t wake = std::min(time_ns, drives_bus_.NextFrameEnd());
+  if (now - heard_ns_ < kLooking_ns) wake = std::min(wake, now + kLook_ns);
   const auto clock_ns = [this](std::int64_t drives_ns) {
     return std::llround(static_cast<double>(drives_ns) / pace_);
   };
-  const std::int64_t wait_ns = std::clamp<std::int64_t>(
-      lost_ ? kLostWait_ns : clock_ns(std::min(wake, time_ns) - now), 0, kNsPerSecond - 1);
+  std::int64_t wait_ns = std::clamp<std::int64_t>(clock_ns(wake - now), 0, kNsPerSecond - 1);
+  if (wait_ns > 0)
+    wait_ns = std::max(wait_ns, std::min<std::int64_t>(kLeastWait_ns, clock_ns(time_ns - now)));
+  if (lost_) wait_ns = kLostWait_ns;
   pollfd wait{bus_.descriptor(), POLLIN, 0};
   const timespec patience{0, static_cast<decltype(timespec::tv_nsec)>(wait_ns)};
   ppoll(&wait, lost_ ? 0 : 1, &patience, nullptr);
+  // What has come until then is read before time passes for the drives, however long the server
+  // stands still in between.
+  const std::int64_t reached = now_ns();
   ReceivedFrame received;
   Status status = Status::kOk;
   while ((status = bus_.Receive(received)) == Status::kOk) {
@@ -113,7 +123,7 @@ void DriveServer::ServeUntil(std::int64_t time_ns) {
     // This fails when 256 frames wait. A drive would miss the frame as well.
     static_cast<void>(gateway_.Send(received.frame) == Status::kOk);
   }
-  AdvanceTo(now_ns());
+  AdvanceTo(reached);
   while (gateway_.Receive(received) == Status::kOk) {
     static_cast<void>(bus_.Send(received.frame) == Status::kOk);  // On failure the frame is lost.
   }

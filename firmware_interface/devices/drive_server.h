@@ -21,8 +21,9 @@ struct ServedDrive {
 
 /// Puts the drives of a simulated bus on a SocketCAN interface, in real time. Frames that arrive at
 /// the interface go onto the simulated bus at the time at which they came; frames of the drives go
-/// out. On standard output the server says when a drive is enabled or disabled, and when its
-/// watchdog takes over, with the time as candump gives it.
+/// out when their last bit does, as nearly as the machine wakes the server. On standard output the
+/// server says when a drive is enabled or disabled, and when its watchdog takes over, with the time
+/// as candump gives it.
 ///
 /// A pause of the program delays answers, but does not starve the drives' watchdogs. The server
 /// waits for an interface that goes down or away.
@@ -39,7 +40,7 @@ class DriveServer {
               double pace = 1);
 
   /// Serves until this time at the latest, and returns earlier when frames came. Afterwards the
-  /// simulation has reached `now_ns()`.
+  /// simulation has reached the time at which it looked for them.
   void ServeUntil(std::int64_t time_ns);
   /// Time of the drives since the server was made.
   [[nodiscard]] std::int64_t now_ns() const;
@@ -61,6 +62,7 @@ class DriveServer {
 
   std::string interface_;
   SocketCanConfig interface_config_;
+  const SimulatedBus& drives_bus_;
   SimulatedPort& gateway_;
   std::vector<Watched> drives_;
   std::function<void(std::int64_t)> advance_;

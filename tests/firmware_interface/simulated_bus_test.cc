@@ -36,6 +36,24 @@ TEST(SimulatedBus, DeliversAFrameAfterExactlyItsLength) {
   EXPECT_EQ(bus.now_ns(), end);
 }
 
+TEST(SimulatedBus, ForetellsTheEndsOfFramesThatOnlyWaitToBeReceived) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  auto& b = bus.Attach();
+  EXPECT_GT(bus.NextFrameEnd(), std::int64_t{1} << 60);
+  for (const std::uint32_t id : List{1, 2}) ASSERT_EQ(a.Send(LongFrame(id)), Status::kOk);
+  for (const std::uint32_t id : List{1, 2}) {
+    const std::int64_t end_ns = bus.NextFrameEnd();
+    bus.AdvanceTo(end_ns - 1);
+    EXPECT_TRUE(Drain(b).empty());
+    bus.AdvanceTo(end_ns);
+    const auto received = Drain(b);
+    ASSERT_EQ(received.size(), 1U);
+    EXPECT_EQ(received[0].frame, LongFrame(id));
+  }
+  EXPECT_GT(bus.NextFrameEnd(), std::int64_t{1} << 60);
+}
+
 TEST(SimulatedBus, SendsBackToBackFramesWithAnIntermissionBetween) {
   SimulatedBus bus(500'000);
   auto& a = bus.Attach();

@@ -9,8 +9,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -106,6 +108,20 @@ class TwinOnCan : public ::testing::Test {
     const std::string text = ReadFile(Path("candump"));
     return CheckFrames(ParseCandumpLog(text.substr(0, text.rfind('\n') + 1)), rules_);
   }
+  /// From the reply of the first drive to that of the second, in the median [s of the clock].
+  [[nodiscard]] double UsualTimeBetweenReplies_s() const {
+    const std::string text = ReadFile(Path("candump"));
+    std::vector<double> times_s;
+    double first_s = 0;
+    for (const auto& logged : ParseCandumpLog(text.substr(0, text.rfind('\n') + 1))) {
+      if (logged.frame.id == 17) first_s = logged.time_s;
+      if (logged.frame.id == 18 && first_s > 0) times_s.push_back(logged.time_s - first_s);
+    }
+    if (times_s.empty()) return 0;
+    const auto middle = times_s.begin() + static_cast<std::ptrdiff_t>(times_s.size() / 2);
+    std::nth_element(times_s.begin(), middle, times_s.end());
+    return *middle;
+  }
   /// Ends the twin, whose output is then in `truth_`. @returns its exit status.
   int EndTwin() {
     twin_->Signal(SIGINT);
@@ -199,6 +215,9 @@ TEST_F(TwinOnCan, HandstandAndDownstandAlternateAndTheRobotIsUprightAndLevelInTu
     const FrameReport report = Judge();
     EXPECT_THAT(report.violations, IsEmpty());
     for (const FrameReport::Joint& joint : report.joints) EXPECT_EQ(joint.starts, 1);
+    // Both drives answer at once, so that their replies are a frame apart: more than 100 bit times,
+    // in steady time.
+    EXPECT_GT(UsualTimeBetweenReplies_s(), 100e-6 / kPace);
   });
 }
 
