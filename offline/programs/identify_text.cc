@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "common/core/index.h"
 #include "offline/studies/identified_drives.h"
@@ -19,6 +20,22 @@ void PrintReadings(const RecordedMotion& record) {
       record.name, record.motion_name, used_s, static_cast<double>(record.begins) * record.tick_s,
       1e3 * record.late_s);
   for (const std::string& remark : record.remarks) fmt::print("  {}\n", remark);
+}
+
+void PrintExpected(const Excitation& found, const std::vector<std::string>& after) {
+  using Kind = RobotQuantity::Kind;
+  std::string text;
+  for (std::size_t i = 0; i < found.deviations.size(); ++i) {
+    const Kind kind = found.quantities[i].kind;
+    if (kind != Kind::kMass && kind != Kind::kFriction && kind != Kind::kStiffness &&
+        kind != Kind::kDamping) {
+      continue;
+    }
+    text += fmt::format("{}{} {:.2g} %", text.empty() ? "" : ", ", NameOf(found.quantities[i]),
+                        100 * found.deviations[i]);
+  }
+  fmt::print("  a record of it{} is expected to tell, as standard deviations: {}\n",
+             after.empty() ? "" : " and of those before it", text);
 }
 
 void PrintFarOff(const RobotPosterior& posterior, const RobotPosterior& prior) {

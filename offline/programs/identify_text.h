@@ -2,8 +2,10 @@
 
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "offline/problem/posterior_toml.h"
+#include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/robot_fit.h"
@@ -12,6 +14,9 @@ namespace tumbler {
 
 /// What tumbler identify prints for people.
 
+/// What the record of an excitation is expected to tell.
+/// @param after  records before it, if any.
+void PrintExpected(const Excitation& found, const std::vector<std::string>& after);
 /// What is used of a record.
 void PrintReadings(const RecordedMotion& record);
 /// Every quantity with its interval, and what the model is worth.

@@ -16,6 +16,7 @@
 #include "offline/studies/abort_check.h"
 #include "offline/studies/abort_study.h"
 #include "offline/studies/spread_options.h"
+#include "offline/twin/twin_toml.h"
 
 namespace tumbler {
 namespace {
@@ -101,7 +102,9 @@ ExitStatus Main(int argc, char** argv) {
   if (arguments.seed) study.seed = *arguments.seed;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   if (study.threads == 0) study.threads = cores;
-  CheckDistinct({study.primitive, study.drives, study.twin}, {arguments.json});
+  std::vector<std::string> inputs = FilesOfTwin(study.twin);
+  inputs.insert(inputs.end(), {study.primitive, study.drives});
+  CheckDistinct(inputs, {arguments.json});
   if (arguments.write) CheckWritable(study.primitive);
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
   study.interrupt = &EndOnSignals();

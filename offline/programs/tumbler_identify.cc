@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
@@ -65,23 +66,6 @@ struct IdentifyArguments {
   bool quiet = false;
 };
 
-/// Says what a record is expected to tell.
-void PrintExpected(const Excitation& found, const std::vector<std::string>& after) {
-  using Kind = RobotQuantity::Kind;
-  std::string text;
-  for (std::size_t i = 0; i < found.deviations.size(); ++i) {
-    const Kind kind = found.quantities[i].kind;
-    if (kind != Kind::kMass && kind != Kind::kFriction && kind != Kind::kStiffness &&
-        kind != Kind::kDamping) {
-      continue;
-    }
-    text += fmt::format("{}{} {:.2g} %", text.empty() ? "" : ", ", NameOf(found.quantities[i]),
-                        100 * found.deviations[i]);
-  }
-  fmt::print("  a record of it{} is expected to tell, as standard deviations: {}\n",
-             after.empty() ? "" : " and of those before it", text);
-}
-
 ExitStatus Excite(const IdentifyArguments& arguments) {
   ExcitationSettings settings = arguments.excitation;
   settings.interrupt = &EndOnSignals();
@@ -93,6 +77,7 @@ ExitStatus Excite(const IdentifyArguments& arguments) {
   CheckWritable(arguments.out);
   std::vector<std::string> read = settings.after;
   read.push_back(arguments.task);
+  read.push_back(LoadTask(arguments.task).robot_file);
   CheckDistinct(read, {arguments.out});
   const HeldResults held({arguments.out});
   const Excitation found = MakeExcitation(arguments.task, settings);
@@ -351,6 +336,9 @@ FitInputs InputsOf(const IdentifyArguments& arguments) {
   return inputs;
 }
 
+constexpr std::array kModelFiles = {"posterior.toml", "robot.urdf", "ground.toml",
+                                    "drives.toml",    "twin.toml",  "index.html"};
+
 /// Writes the folder of a model.
 void WriteModel(const IdentifyArguments& arguments, const PosteriorFile& file,
                 const FitInputs& inputs, const std::string& page) {
@@ -373,8 +361,19 @@ void WriteModel(const IdentifyArguments& arguments, const PosteriorFile& file,
   files.Add(beside("twin.toml"), TwinOf(file));
   files.Add(beside("index.html"), page);
   files.Commit();
-  fmt::print("  {}: posterior.toml, robot.urdf, ground.toml, drives.toml, twin.toml, index.html\n",
-             arguments.out);
+  fmt::print("  {}: {}\n", arguments.out, fmt::join(kModelFiles, ", "));
+}
+
+/// Refuses a folder in which a file of the model would replace one that the fit reads: the earlier
+/// posterior among them, since what comes out need not be good for a prior.
+void CheckModelReplacesNothing(const IdentifyArguments& arguments, const FitInputs& inputs) {
+  std::vector<std::string> read = {arguments.prior};
+  for (const auto* names : {&arguments.records, &arguments.held_out, &arguments.failed})
+    read.insert(read.end(), names->begin(), names->end());
+  for (const RecordedMotion& record : inputs.earlier.records) read.push_back(record.name);
+  std::vector<std::string> files;
+  for (const char* name : kModelFiles) files.push_back((fs::path(arguments.out) / name).string());
+  CheckDistinct(read, files);
 }
 
 /// Says how a prior is gone on from.
@@ -471,7 +470,10 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   settings.interrupt = &end;
   if (!arguments.quiet)
     settings.say = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
-  if (!arguments.out.empty()) CheckFolderWritable(arguments.out);
+  if (!arguments.out.empty()) {
+    CheckModelReplacesNothing(arguments, inputs);
+    CheckFolderWritable(arguments.out);
+  }
   PrintPrior(inputs, arguments.prior);
   for (const auto* records : {&inputs.records, &inputs.held_out})
     for (const RecordedMotion& record : *records) PrintReadings(record);
@@ -513,19 +515,38 @@ ExitStatus Fit(const IdentifyArguments& arguments) {
   return fit.effective || contradicted ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
+/// The URDF that is beside a posterior.
+std::string UrdfOf(const std::string& posterior) {
+  return (fs::path(posterior).parent_path() / "robot.urdf").string();
+}
+
 /// Refuses a motion of another robot than that whose URDF is beside a posterior.
 void CheckIsIdentified(const std::string& motion, const std::string& posterior) {
-  const std::string urdf = (fs::path(posterior).parent_path() / "robot.urdf").string();
+  const std::string urdf = UrdfOf(posterior);
   if (fs::exists(urdf)) CheckIsOfRobot(motion, ReadTextFile(urdf), urdf);
+}
+
+/// Refuses a posterior that leaves out what a fit estimates: the gate's robots would not differ in
+/// it.
+void CheckKnowsAll(const std::string& path, const RobotPosterior& posterior, const Scene& scene) {
+  for (const RobotQuantity& quantity : PriorOf(scene).quantities) {
+    if (std::ranges::find(posterior.quantities, quantity) != posterior.quantities.end()) continue;
+    throw FileError(path, 0, "quantity",
+                    fmt::format("has none of '{}'; allowed: all that a fit estimates, as "
+                                "`tumbler identify fit` writes them",
+                                NameOf(quantity)));
+  }
 }
 
 ExitStatus Gate(const IdentifyArguments& arguments) {
   const Scene scene = SimulatedMotion(LoadMotion(arguments.motion)).scene();
   const PosteriorFile file = LoadPosterior(arguments.posterior, &scene);
+  CheckKnowsAll(arguments.posterior, file.posterior, scene);
   CheckIsIdentified(arguments.motion, arguments.posterior);
   for (const std::string& failed : arguments.failed) CheckIsIdentified(failed, arguments.posterior);
   CheckResult(arguments.json);
-  std::vector<std::string> read = {arguments.motion, arguments.posterior, arguments.drives};
+  std::vector<std::string> read = {arguments.motion, arguments.posterior, arguments.drives,
+                                   UrdfOf(arguments.posterior)};
   read.insert(read.end(), arguments.failed.begin(), arguments.failed.end());
   CheckDistinct(read, {arguments.json});
   GateSettings settings;

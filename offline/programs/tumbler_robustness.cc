@@ -27,6 +27,7 @@
 #include "offline/studies/spread_options.h"
 #include "offline/studies/study.h"
 #include "offline/studies/window.h"
+#include "offline/twin/twin_toml.h"
 
 namespace tumbler {
 namespace {
@@ -172,9 +173,8 @@ void Check(Arguments& arguments) {
   ReadShard(arguments, arguments.plan);
   if (arguments.seed) study.seed = *arguments.seed;
   std::vector<std::string> inputs = arguments.plan.merged;
-  for (const std::string& file : {DrivesFileOf(study), study.twin}) {
-    if (!file.empty()) inputs.push_back(file);
-  }
+  if (const std::string drives = DrivesFileOf(study); !drives.empty()) inputs.push_back(drives);
+  for (const std::string& file : FilesOfTwin(study.twin)) inputs.push_back(file);
   std::vector<std::string> motions;
   const SequenceFile motion = LoadMotion(study.motion, NotingReader(motions));
   fmt::print(stderr, "{}", EditNotes(study.motion, motion.primitives));

@@ -144,7 +144,7 @@ std::int64_t UtimeNow() {
 ExitStatus Run(const Options& options) {
   TwinSources sources;
   if (!options.config.empty()) sources = ReadTwinSources(options.config);
-  std::vector<std::string> inputs = {options.config};
+  std::vector<std::string> inputs = FilesOfTwin(options.config);
   const SimulatedMotion motion(
       LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION"), NotingReader(inputs)),
       TaskSpaces::kPlaneAndSpace);

@@ -138,6 +138,9 @@ Simulation MakeSimulation() {
   simulation.drives_file_of = [](const std::string& twin_file) {
     return ReadTwinSources(twin_file).drives;
   };
+  simulation.robot_file_of = [](const std::string& twin_file) {
+    return ReadTwinSources(twin_file).robot;
+  };
   simulation.make_world = [](const SequenceFile& motion, const DrivesConfig& drives,
                              const SimulatedWorldConfig& config) {
     return std::make_unique<SimulatedWorld>(motion, drives, config);

@@ -365,6 +365,15 @@ TwinSources ReadTwinSources(const std::string& path) {
   return {beside(files.motion), beside(files.drives), beside(files.robot)};
 }
 
+std::vector<std::string> FilesOfTwin(const std::string& path) {
+  if (path.empty()) return {};
+  std::vector<std::string> files = {path};
+  const TwinSources named = ReadTwinSources(path);
+  for (const std::string& file : {named.motion, named.drives, named.robot})
+    if (!file.empty()) files.push_back(file);
+  return files;
+}
+
 SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion) {
   return TwinReader(TomlTable::ParseFile(path), motion, std::filesystem::path(path).parent_path())
       .Read();

@@ -19,6 +19,9 @@ struct TwinSources {
 /// Reads only these names from a twin file, since its other keys depend on the motion's robot.
 /// @throws FileError  when it is not a twin file.
 TwinSources ReadTwinSources(const std::string& path);
+/// A twin file and all that it names; of an empty path none. For CheckDistinct.
+/// @throws FileError  when it is not a twin file.
+std::vector<std::string> FilesOfTwin(const std::string& path);
 
 /// Reads a twin file (docs/formats.md; `primitives/robots/tumbler_twin.toml` is a commented
 /// example), whose joints, links and obstacles are those of `motion`.

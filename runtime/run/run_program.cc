@@ -150,9 +150,11 @@ std::string PoseFileOf(const RunOptions& options) {
 }
 
 /// Checks that no output would replace another one, or a file that the run reads.
-void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
+void CheckOutputs(const RunOptions& options, const Simulation* simulation, const FileKeeper& read) {
   std::vector<std::string> inputs = {options.drives, options.faults, options.bus_faults,
                                      options.twin, options.key};
+  if (simulation != nullptr && !options.twin.empty())
+    inputs.push_back(simulation->robot_file_of(options.twin));
   for (const LoadedFile& file : read.files()) inputs.push_back(file.path);
   std::vector<std::string> outputs = options.files();
   outputs.insert(outputs.end(), {options.json, options.pose_file});
@@ -564,7 +566,7 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   FileKeeper files;
   Assembly assembly(
       LoadParts(options, simulation, files.reader(source.motion), files.reader(source.drives)));
-  CheckOutputs(options, files);
+  CheckOutputs(options, simulation, files);
   const RunParts& parts = assembly.parts();
   const SequenceGraph<float>& graph = parts.sequence->graph;
   const std::string pose_file = PoseFileOf(options);

@@ -31,6 +31,8 @@ struct SimulatedWorldConfig {
 struct Simulation {
   /// Returns the drives file that a twin file names; empty where it names none. Throws FileError.
   std::function<std::string(const std::string& twin_file)> drives_file_of;
+  /// Likewise the URDF that it names.
+  std::function<std::string(const std::string& twin_file)> robot_file_of;
   /// Makes the robot of a motion, behind simulated drives on a simulated bus. The motion has to
   /// outlive the world. Throws FileError about a file of the configuration.
   std::function<std::unique_ptr<World>(const SequenceFile& motion, const DrivesConfig& drives,

@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "common/files/json.h"
@@ -23,7 +24,6 @@
 #include "offline/studies/identified_model.h"
 #include "offline/studies/recorded_motion.h"
 #include "runtime/record/flight_record.h"
-#include "runtime/record/flight_recorder.h"
 #include "tests/support/files.h"
 #include "tests/support/hidden_robot.h"
 #include "tests/support/program.h"
@@ -335,6 +335,56 @@ TEST(IdentifyProgram, FitAndGateSayThatTheModelDoesNotFailWhereTheRobotDid) {
   }
 }
 
+TEST(IdentifyProgram, NothingThatIsReadIsReplacedByWhatIsWritten) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  fs::copy(of.model(), folder / "model");
+  fs::copy(SourcePath("primitives/tasks"), folder / "tasks");
+  fs::copy(SourcePath("primitives/robots"), folder / "robots");
+  const std::string record = folder / "model/index.html",
+                    posterior = folder / "model/posterior.toml";
+  fs::copy(of.back(), record, fs::copy_options::overwrite_existing);
+  const std::string motion = folder / "model/ground.toml";
+  fs::copy(kStand, motion, fs::copy_options::overwrite_existing);
+  const std::string out = folder / "model";
+  const std::vector<std::pair<std::vector<std::string>, std::string>> refused = {
+      {{"fit", record, "--out", out}, record},
+      {{"fit", of.sway(), "--held-out", record, "--out", out}, record},
+      {{"fit", of.back(), "--failed", motion, "--out", out}, motion},
+      {{"fit", of.sway(), "--prior", posterior, "--out", out}, posterior},
+      {{"excite", folder / "tasks/stand.toml", "--out", folder / "robots/tumbler.urdf"},
+       folder / "robots/tumbler.urdf"},
+      {{"gate", kStand, posterior, "--drives", kDrivesFile, "--json", out + "/robot.urdf"},
+       out + "/robot.urdf"}};
+  for (const auto& [arguments, file] : refused) {
+    const std::string before = ReadFile(file);
+    const Outcome outcome = Identify(arguments);
+    EXPECT_EQ(outcome.exit_code, 1) << file;
+    EXPECT_THAT(outcome.text, HasSubstr(file + ": is an input")) << outcome.text;
+    EXPECT_EQ(ReadFile(file), before) << file;
+  }
+}
+
+TEST(IdentifyProgram, TheGateRefusesAPosteriorThatLeavesOutWhatAFitEstimates) {
+  const Records& of = Shared();
+  const testing::TemporaryFolder folder;
+  PosteriorFile part = LoadPosterior(of.posterior());
+  const std::size_t n = part.posterior.size();
+  part.posterior.quantities.erase(part.posterior.quantities.begin());
+  part.posterior.mean.erase(part.posterior.mean.begin());
+  part.prior_deviations.erase(part.prior_deviations.begin());
+  part.information = {};
+  std::vector<double> covariance;
+  for (std::size_t i = 1; i < n; ++i)
+    for (std::size_t k = 1; k < n; ++k) covariance.push_back(part.posterior.covariance[i * n + k]);
+  part.posterior.covariance = covariance;
+  PendingFile(folder / "part.toml", ToToml(part)).Commit();
+  const Outcome outcome =
+      Identify({"gate", kStand, folder / "part.toml", "--drives", kDrivesFile, "--draws", "0"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("has none of 'mass of middle'"));
+}
+
 TEST(IdentifyProgram, AFolderIsAsItWasWhereItsPageCannotBeWritten) {
   const Records& of = Shared();
   const testing::TemporaryFolder folder;
@@ -471,79 +521,6 @@ std::string CutAt(const std::string& path, std::int64_t ticks) {
     offsets.push_back(record.tick_offset());
   }
   return bytes.substr(0, offsets[static_cast<std::size_t>(begins + ticks)]);
-}
-
-/// Writes a record again with what `change` makes of its configuration and ticks.
-template <class Change>
-void Rewrite(const std::string& from, const std::string& to, const Change& change) {
-  const std::string bytes = ReadFile(from);
-  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, from);
-  RecordConfiguration configuration = record.configuration();
-  const auto entry = std::make_unique<TickEntry>();
-  change(configuration, *entry);
-  FlightRecorderConfig config;
-  config.file = to;
-  config.configuration = EncodeConfiguration(configuration);
-  FlightRecorder recorder(config);
-  TickFeed feed({&recorder});
-  while (record.Next(*entry)) {
-    change(configuration, *entry);
-    feed.Push(entry->notes, entry->input(), {entry->frames, entry->record});
-    recorder.Drain();
-  }
-  recorder.Stop("completed");
-}
-
-TEST(IdentifyProgram, ARecordOfASlowerPaceIsReadInTheTimeOfItsRobot) {
-  constexpr std::int64_t kSlower = 20;
-  const Records& of = Shared();
-  const testing::TemporaryFolder folder;
-  const std::string file = folder / "slow.rec";
-  bool begun = false;
-  Rewrite(of.back(), file, [&begun](RecordConfiguration& configuration, TickEntry& entry) {
-    if (!begun) configuration.period_ns *= kSlower;
-    begun = true;
-    TickNotes& notes = entry.notes;
-    for (std::int64_t* time_ns :
-         {&notes.deadline_ns, &notes.due_ns, &notes.awake_ns, &notes.send_ns, &notes.done_ns})
-      *time_ns *= kSlower;
-    for (std::size_t i = 0; i < entry.received_count; ++i) entry.received[i].time_ns *= kSlower;
-  });
-  const RecordedMotion usual = ReadRecordedMotion(of.back());
-  const RecordedMotion slow = ReadRecordedMotion(file);
-  EXPECT_NEAR(slow.tick_s, usual.tick_s, 1e-12);
-  EXPECT_NEAR(slow.late_s, usual.late_s, 1e-9);
-  EXPECT_GT(usual.late_s, 1e-5);
-  EXPECT_EQ(slow.begins, usual.begins);
-  ASSERT_EQ(slow.ticks.size(), usual.ticks.size());
-  for (std::size_t k = 0; k < usual.ticks.size(); ++k)
-    EXPECT_NEAR(slow.ticks[k][1].arrival_s, usual.ticks[k][1].arrival_s, 1e-6);
-}
-
-TEST(IdentifyProgram, ARunInRealTimeIsReadByTheTimeStampsOfItsReplies) {
-  // The robot stands still while it is simulated, and the clock goes on: setpoints are sent later
-  // by it than they reach the robot, by another time in each tick.
-  const Records& of = Shared();
-  const testing::TemporaryFolder folder;
-  const std::string file = folder / "real.rec";
-  Rewrite(of.back(), file, [](RecordConfiguration& configuration, TickEntry& entry) {
-    configuration.virtual_time = false;
-    entry.notes.send_ns += 60'000 + 10'000 * (entry.tick % 17);
-    entry.notes.done_ns = std::max(entry.notes.done_ns, entry.notes.send_ns);
-  });
-  const RecordedMotion usual = ReadRecordedMotion(of.back());
-  const RecordedMotion real = ReadRecordedMotion(file);
-  EXPECT_TRUE(usual.periods_with_ticks);
-  EXPECT_FALSE(real.periods_with_ticks);
-  ASSERT_EQ(real.ticks.size(), usual.ticks.size());
-  for (std::size_t k = 0; k + 1 < usual.ticks.size(); ++k) {
-    for (std::size_t j = 0; j < 2; ++j) {
-      const RecordedJoint &a = real.ticks[k][j], &b = usual.ticks[k][j];
-      ASSERT_EQ(a.reading_rad, b.reading_rad) << k << ": a reply answers its own tick";
-      EXPECT_NEAR(a.arrival_s, b.arrival_s, 1e-6) << k;
-      EXPECT_NEAR(a.sampled_s, b.sampled_s, 1e-6) << k;
-    }
-  }
 }
 
 TEST(IdentifyProgram, WhyAModelIsEffectiveIsSaidWhereItIsKnown) {

@@ -31,6 +31,9 @@ class Outputs : public ::testing::Test {
     for (const char* name : {"gait.toml", "handstand.toml", "downstand.toml", "roll.toml"})
       WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/nominal/") + name)));
     WriteFile(folder_ / "twin.toml", "format = \"tumbler-twin\"\nversion = 1\n");
+    WriteFile(folder_ / "own.urdf", ReadFile(SourcePath("primitives/robots/tumbler.urdf")));
+    WriteFile(folder_ / "own.toml",
+              "format = \"tumbler-twin\"\nversion = 1\nrobot = \"own.urdf\"\n");
     WriteFile(folder_ / "drives.toml",
               ReadFile(SourcePath("primitives/robots/tumbler_drives.toml")));
     const Outcome run = In("tumbler run sim handstand.toml --record x.rec --log x.lcm --hold-s 0");
@@ -74,12 +77,18 @@ TEST_F(Outputs, NeverReplaceAnInput) {
            std::string("tumbler run sim gait.toml --cycles 1 --csv handstand.toml"),
            std::string("tumbler run sim handstand.toml --twin twin.toml --truth twin.toml"),
            std::string("tumbler run sim handstand.toml --drives drives.toml --log drives.toml"),
+           std::string("tumbler run sim handstand.toml --twin own.toml --csv own.urdf"),
+           std::string(
+               "tumbler robustness handstand.toml --robots 1 --twin own.toml --json own.urdf"),
+           std::string("tumbler abort handstand.toml --twin own.toml --json own.urdf"),
            std::string("tumbler chain simulate gait.toml --json gait.toml"),
            std::string("tumbler chain simulate gait.toml --json downstand.toml"),
            std::string("tumbler export gait.toml --header handstand.toml"),
            "tumbler optimize " + task + " --start-from handstand.toml --out ./handstand.toml",
            std::string("tumbler twin can9 handstand.toml --drives drives.toml --json "
                        "./handstand.toml"),
+           std::string("tumbler twin can9 handstand.toml --drives drives.toml --twin own.toml "
+                       "--json own.urdf"),
        }) {
     const Outcome outcome = In(command_line);
     EXPECT_EQ(outcome.exit_code, 1) << command_line;
