@@ -53,7 +53,7 @@ class FitObjective {
 
   /// Residuals of robots, a column each.
   [[nodiscard]] Eigen::MatrixXd Residuals(const std::vector<Eigen::VectorXd>& robots, int per_tick);
-  /// Derivatives of the residuals, by forward differences.
+  /// Derivatives of the residuals, by central differences.
   [[nodiscard]] Eigen::MatrixXd Derivatives(const Eigen::VectorXd& u, int per_tick);
 
  private:

@@ -33,12 +33,21 @@ constexpr double kLeast_s = 0.2;
 
 double Seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
-double Median(std::vector<double> values) {
+/// The value that one in `of` is below; 0 of none.
+double OneIn(std::size_t of, std::vector<double> values) {
   if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / of);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
 }
+double Median(std::vector<double> values) { return OneIn(2, std::move(values)); }
+
+/// Whatever stands still between a robot and the host's clock makes a reply later, and nothing
+/// makes it earlier, so that those which are back soonest tell most truly when their setpoints came
+/// (as in the clock filter of NTP, RFC 5905, section 10): one in so many. Of those that take longer
+/// by more than this is not known when their readings were sampled [s].
+constexpr std::size_t kSoonest = 10;
+constexpr double kLater_s = 30e-6;
 
 /// Step of a reply's position at the shaft [rad] and whether the wire rounds it downwards; 0:
 /// floats.
@@ -365,28 +374,53 @@ class Reader {
         late.push_back(pace_ * Seconds(kept.last_reply_ns - kept.send_ns) - bus_s);
       }
     }
-    result.late_s = std::max(0.0, Median(late));
-    for (const double value : late)
-      result.late_sd_s += (value - result.late_s) * (value - result.late_s);
-    if (!late.empty())
-      result.late_sd_s = std::sqrt(result.late_sd_s / static_cast<double>(late.size()));
+    result.late_s = std::max(0.0, simulated_ ? Median(late) : OneIn(kSoonest, late));
+  }
+
+  /// From the tick to the end of a setpoint's frame, were it sent at once [s].
+  [[nodiscard]] double ByHost(const KeptTick& kept, std::size_t joint) const {
+    return pace_ * Seconds(kept.send_ns - kept.deadline_ns) + bit_s_ * kept.arrival_bits[joint];
+  }
+
+  /// By joint: how much later than that setpoints come [s], by the replies that are back soonest.
+  /// NaN where few came before the next tick.
+  [[nodiscard]] std::vector<double> SoonestReplies(const Parts& parts) const {
+    std::vector<double> soonest_s;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      std::vector<double> late_s;
+      for (std::size_t k = parts.holds; k < parts.end; ++k) {
+        const double sampled_s = kept_[k].joints[j].sampled_s;
+        if (std::isfinite(sampled_s)) late_s.push_back(sampled_s - ByHost(kept_[k], j));
+      }
+      const bool known = late_s.size() * kSoonest >= parts.end - parts.holds;
+      soonest_s.push_back(known ? OneIn(kSoonest, std::move(late_s)) : kUnanswered);
+    }
+    return soonest_s;
   }
 
   void TakeTicks(const Parts& parts, RecordedMotion& result) {
     std::vector<std::vector<double>> arrivals(joints_);
-    std::size_t answered = 0;
+    std::size_t answered = 0, late = 0;
+    const std::vector<double> soonest_s = SoonestReplies(parts);
     for (std::size_t k = parts.holds; k < parts.end; ++k) {
       KeptTick& kept = kept_[k];
       for (std::size_t j = 0; j < joints_; ++j) {
         RecordedJoint& joint = kept.joints[j];
+        answered += std::isfinite(joint.reading_rad) ? 1 : 0;
         // A drive that samples as its setpoint comes tells when that was.
         const bool told = std::isfinite(joint.sampled_s) && answers_[j];
-        const double by_host_s = pace_ * Seconds(kept.send_ns - kept.deadline_ns) +
-                                 bit_s_ * kept.arrival_bits[j] + result.late_s;
-        joint.arrival_s = std::clamp(told ? joint.sampled_s : by_host_s, 0.0, result.tick_s);
+        double arrival_s = told ? joint.sampled_s : ByHost(kept, j) + result.late_s;
+        // What came after the next tick has no time, and is later than any that has one.
+        const bool answered_late = std::isfinite(joint.reading_rad) &&
+                                   !(joint.sampled_s - ByHost(kept, j) <= soonest_s[j] + kLater_s);
+        if (!simulated_ && answers_[j] && std::isfinite(soonest_s[j]) && answered_late) {
+          arrival_s = joint.sampled_s = ByHost(kept, j) + soonest_s[j];
+          joint.reading_rad = kUnanswered;
+          ++late;
+        }
+        joint.arrival_s = std::clamp(arrival_s, 0.0, result.tick_s);
         if (!std::isfinite(joint.sampled_s)) joint.sampled_s = joint.arrival_s;
         arrivals[j].push_back(joint.arrival_s);
-        answered += std::isfinite(joint.reading_rad) ? 1 : 0;
       }
       result.ticks.push_back(std::move(kept.joints));
     }
@@ -395,6 +429,12 @@ class Reader {
     if (answered * 2 < asked) {
       Fail(fmt::format("drives answered only {} of {} setpoints; an estimate needs half at least",
                        answered, asked));
+    }
+    if (late > 0) {
+      result.remarks.push_back(fmt::format(
+          "{} of {} replies came later by more than {:.3g} ms than those that are back soonest: "
+          "when they were sampled is not known, and they are left out",
+          late, answered, 1e3 * kLater_s));
     }
     if (answered < asked) {
       result.remarks.push_back(fmt::format("{} of {} setpoints have no answer and are left out",

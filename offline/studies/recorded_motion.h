@@ -55,8 +55,9 @@ struct RecordedMotion {
   std::vector<std::vector<RecordedJoint>> ticks;
   std::size_t begins = 0;  ///< The first tick of the motion.
   /// What setpoints are late by, besides the time that frames take on the wire, by the time stamps
-  /// of replies [s]; and its standard deviation over the ticks.
-  double late_s = 0, late_sd_s = 0;
+  /// of replies [s]: of a simulated robot in the median, of one on an interface by those that are
+  /// back soonest.
+  double late_s = 0;
   /// Whether the hold before the motion is long enough to show that the robot rested.
   bool rested = true;
   std::vector<std::string> remarks;  ///< In words: what of the record was not used, and why.

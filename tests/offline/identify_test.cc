@@ -166,6 +166,33 @@ TEST(HiddenRobot, HasLengthsThatAreKnownToBeUncertain) {
   }
 }
 
+TEST(HiddenRobot, IsWithinItsIntervalsWhereARecordBendsWithWhatItDependsOn) {
+  // The sway turns robots by 0.34 rad: a foot that lifts a little earlier changes what follows.
+  const Scene& scene = Excitations().front().scene();
+  const testing::TemporaryFolder folder;
+  const testing::HiddenRuns sway(testing::SourcePath("tests/data/identify/wild_sway.toml"),
+                                 kDrives);
+  for (const std::uint64_t number : {0U, 6U}) {
+    const testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, number);
+    std::vector<RecordedMotion> records = RecordsOf(robot, kSearched);
+    const std::string file = folder / (std::to_string(number) + ".rec");
+    ASSERT_TRUE(sway.Record(robot, file));
+    records.push_back(ReadRecordedMotion(file));
+    FitSettings settings;
+    settings.starts = 1;
+    const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
+    EXPECT_FALSE(fit.effective) << fit.chi;
+    const Scene varied = Varied(scene, robot.variation);
+    for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
+      const RobotQuantity& quantity = fit.posterior.quantities[i];
+      if (quantity.kind != Kind::kMass && quantity.kind != Kind::kMassCentre) continue;
+      EXPECT_NEAR(fit.posterior.mean[i], CoordinateIn(varied, quantity),
+                  3 * fit.posterior.DeviationOf(i))
+          << number << ": " << NameOf(quantity);
+    }
+  }
+}
+
 TEST(HiddenRobot, IsToldByAHostThatIsLateByHalfAPeriod) {
   // The last reply to a tick's setpoints comes after the next tick.
   testing::HiddenRobot robot = testing::DrawHiddenRobot(Excitations().front().scene(), 11, 2);
