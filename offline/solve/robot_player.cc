@@ -55,37 +55,35 @@ class PacketPlay {
   /// Plays on up to a tick.
   void Advance(int end) {
     const std::size_t joints = task_.joints;
-    if (!feedback_) {
-      const auto first = Index(tick_) * joints, last = Index(end) * joints;
-      task_.kernel.drive(task_.lanes.model, robots_, steps_,
-                         setpoints_.subspan(first, last - first), held_, state_, watch_);
-    } else {
-      std::array<LaneSetpoint<Packet>, LaneModel::kMaxJoints> tick;
-      for (int k = tick_; k < end; ++k) {
-        std::ranges::copy(setpoints_.subspan(Index(k) * joints, joints), tick.begin());
-        const std::span<LaneSetpoint<Packet>> corrected(tick.data(), joints);
-        feedback_->Correct(state_, corrected);
-        task_.kernel.drive(task_.lanes.model, robots_, steps_, corrected, held_, state_, watch_);
-        NoteFaults(corrected);
-        if (k % kLookAtShapes == 0) NoteOverlaps();
-      }
+    std::array<LaneSetpoint<Packet>, LaneModel::kMaxJoints> tick;
+    for (int k = tick_; k < end; ++k) {
+      std::ranges::copy(setpoints_.subspan(Index(k) * joints, joints), tick.begin());
+      const std::span<LaneSetpoint<Packet>> corrected(tick.data(), joints);
+      if (feedback_) feedback_->Correct(state_, corrected);
+      task_.kernel.drive(task_.lanes.model, robots_, steps_, corrected, held_, state_, watch_);
+      NoteFaults(corrected);
+      if (k % kLookAtShapes == 0) NoteOverlaps();
     }
     tick_ = end;
   }
 
  private:
-  /// Notes which robots the runtime stops now: corrections may lead a joint too far.
+  /// Notes which robots the runtime stops now: weak drives, or corrections, leave a joint too far
+  /// from its setpoint.
   void NoteFaults(std::span<const LaneSetpoint<Packet>> setpoints) {
     for (std::size_t j = 0; j < task_.joints; ++j) {
       for (std::size_t lane = 0; lane < Packet::kLanes; ++lane) {
-        const double error_rad = state_.q[j + 3].lane(lane) - setpoints[j].position.lane(lane);
+        // The runtime knows what the encoder reads.
+        const double reading_rad =
+            state_.q[j + 3].lane(lane) + robots_.joints[j].zero_error.lane(lane);
+        const double error_rad = reading_rad - setpoints[j].position.lane(lane);
         faulty_[lane] =
             faulty_[lane] || !(std::abs(error_rad) <= task_.problem.following_tolerance_rad);
       }
     }
   }
 
-  /// Notes which robots' own shapes overlap: corrections may lead a leg into the other. The shapes
+  /// Notes which robots' own shapes overlap: drives may lead a leg into the other. The shapes
   /// are the model's.
   void NoteOverlaps() {
     if (task_.problem.scene.self_contact.pairs.empty()) return;
@@ -241,7 +239,7 @@ std::vector<std::uint64_t> RobotsNotCarried(const RobustTask& task, const RobotD
           std::vector<std::uint64_t> which(Packet::kLanes);
           std::iota(which.begin(), which.end(), looked + first);
           const Ensemble ensemble = DrawEnsemble(task, draw, which);
-          LaneDistances distances;  // without a feedback nothing is looked at
+          LaneDistances distances = DistancesOf(task);
           for (std::size_t m = 0; m < motions.size(); ++m) {
             const int ticks = RobustTask::Ticks(task.complement[m].duration_s);
             const auto losses = RobotLosses(task, ensemble, 0, {motions[m], ticks}, distances);

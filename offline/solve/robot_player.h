@@ -24,10 +24,9 @@ struct PacketMotion {
   const Feedback<double>* feedback = nullptr;
 };
 
-/// Plays a motion and its hold to the end, and watches the last of that time. Where setpoints are
-/// corrected, a robot is a fault that the runtime stops, or of which own shapes overlap.
+/// Plays a motion and its hold to the end, and watches the last of that time. A robot is a fault
+/// that the runtime stops, or of which own shapes overlap.
 /// @param packet     of the ensemble.
-/// @param distances  looked at where setpoints are corrected.
 /// @returns the loss of each robot (RobotLoss).
 [[nodiscard]] std::array<double, Packet::kLanes> RobotLosses(const RobustTask& task,
                                                              const Ensemble& ensemble,

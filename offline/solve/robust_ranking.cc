@@ -158,8 +158,8 @@ std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& 
       if (!task_.beside_model() || model == Model::kIsLeftOut) continue;
       AddModel(loss, [&] {
         const auto setpoints = planner_.SetpointsOf<Packet>(motions[runner.motion], runner.plan);
-        LaneDistances none;  // without a feedback nothing is looked at
-        return Judge({setpoints, runner.ticks}, fine_model_, none);
+        LaneDistances by_lane = DistancesOf(task_);
+        return Judge({setpoints, runner.ticks}, fine_model_, by_lane);
       });
     }
   });
@@ -241,7 +241,7 @@ double RobustRanking::WorstLoss(const std::vector<double>& x, const Ensemble& en
   if (plan.excess > 0) return 1 + plan.excess;
   const PacketSetpoints setpoints = planner_.SetpointsOf<Packet>(x, plan);
   const PacketMotion motion{setpoints, motion_.Ticks(x)};
-  LaneDistances distances;  // without a feedback nothing is looked at
+  LaneDistances distances = DistancesOf(task_);
   double worst = 0;
   const auto look = [&](const Ensemble& robots) {
     for (std::size_t p = 0; p < robots.robots.size(); ++p)
@@ -295,6 +295,7 @@ std::vector<double> RobustRanking::RaceOn(const std::vector<std::vector<double>>
     ParallelFor(static_cast<int>(runners.size()), task_.options.threads,
                 [&](int i, int /*thread*/) {
                   Runner<N>& runner = runners[Index(i)];
+                  // Robots that motions are only ranked by are not looked at.
                   LaneDistances distances = hold_ ? DistancesOf(task_) : LaneDistances{};
                   while (runner.packets < goal)
                     play((first + runner.packets) % packets, distances, runner);

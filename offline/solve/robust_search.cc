@@ -182,10 +182,15 @@ class RobustSearch {
                                : FindHold(x, task_.settings.polish_robots);
   }
 
-  /// How many robots a motion carries that the search has not met; none where a feedback is asked
-  /// for, which has a say in that, or the motion cannot be played.
+  /// How many robots a motion carries that the search has not met; none where they do not differ, a
+  /// feedback is asked for, which has a say in that, or the motion cannot be played.
   [[nodiscard]] std::optional<RobotsCarried> CarriedBy(const Candidate& candidate) {
     if (task_.settings.feedback || interrupted()) return std::nullopt;
+    // One robot, however often it is played, has no share.
+    Spreads none;
+    none.mass = 0;
+    none.LeaveGround();
+    if (task_.settings.polish_scale == 0 || task_.settings.spreads == none) return std::nullopt;
     constexpr int kSeries = 2;  // of none of the search
     if (!not_met_) not_met_ = PolishingRobots(1, kSeries);
     const std::vector<double> losses = ranking_.LossesOfRobots(candidate.x, *not_met_);

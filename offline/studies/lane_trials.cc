@@ -132,6 +132,11 @@ LaneTrials::LaneTrials(const RobustnessStudy& study, int finer, int look_every) 
   const Script& script = trials_.script();
   if (script.delay_s.empty())
     throw Refused(study.motion + ": the model itself does not get as far as this motion");
+  if (!script.broken_off.empty()) {
+    throw Refused(fmt::format(
+        "{}: the model's own run is broken off, and lanes play what its drives were told: {}",
+        study.motion, script.broken_off));
+  }
   looks_ = LookTicks(script, trials_.motion().file(), static_cast<std::size_t>(look_every));
   steps_.tick_s = script.tick_s;
   if (trials_.scene().robot.hinged()) steps_.per_tick = kStepsOnBar;

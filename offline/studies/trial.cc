@@ -280,6 +280,7 @@ void Trials::PlayModel() {
   script_.tick_s = 1 / drives().rate_hz;
   const RobotVariation model = Model();
   Script script = script_;  // as yet empty: nobody leaves it
+  bool fault = false;
   const auto write = [&](const ControlLoop& loop, SimulatedRobot& robot) {
     const TickRecord& record = loop.record();
     // Once the torque is off there is no more to say.
@@ -291,6 +292,7 @@ void Trials::PlayModel() {
     tick.primitive_time_s = record.primitive_time_s;
     tick.held = truth.held;
     tick.pitch_rad = truth.root_pitch_rad;
+    fault = fault || tick.state == ExecutorState::kFault;
     for (std::size_t j = 0; j < record.joint_count; ++j)
       tick.setpoints.push_back(record.joints[j].encoded);
     if (tick.state != ExecutorState::kRunning) return;
@@ -315,6 +317,7 @@ void Trials::PlayModel() {
                     "--hold-s",
                     study_.motion, study_.run.hold_s, Passage::kLater_s));
   }
+  if (fault) script.broken_off = outcome->reason;
   script_ = std::move(script);
 }
 

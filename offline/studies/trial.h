@@ -96,6 +96,7 @@ struct Script {
   double tick_s = 1e-3;
   std::vector<ScriptTick> ticks;
   std::vector<double> delay_s;  ///< From a tick to its setpoint's arrival, for each joint.
+  std::string broken_off;       ///< By which fault it ended; empty: by none.
 };
 
 /// Notes where a robot leaves the model's way for good: where its pitch is last less than a

@@ -193,8 +193,14 @@ TEST(RobustSearch, SaysHowManyRobotsItsMotionCarriesThatItHasNotMet) {
   EXPECT_EQ(found.solutions.front().end, SolveEnd::kGenerations);
   for (std::size_t i = 1; i < found.solutions.size(); ++i)
     EXPECT_TRUE(found.solutions[i].robots) << "another is kept where this one is refused: " << i;
-  // Of robots whose joints are elsewhere the same motion carries few.
   const std::vector<double> guess = found.solutions.front().x;
+  problem.robust->generations = 0;
+  Problem other = problem;
+  other.following_tolerance_rad = 1e-4;  // No joint follows so well: the runtime stops.
+  EXPECT_EQ(SolveRobust(other, {}, guess).solutions.front().robots->carried, 0);
+  other.robust->polish_scale = 0;
+  EXPECT_FALSE(SolveRobust(other, {}, guess).solutions.front().robots) << "they are one robot";
+  // Of robots whose joints are elsewhere the same motion carries few.
   problem = ProblemOf(QuickRobustTask("zero_rad = 1\n"));
   problem.robust->polish_robots = 64;
   problem.robust->generations = 0;

@@ -15,6 +15,7 @@
 #include "common/files/json.h"
 #include "common/files/primitive_toml.h"
 #include "common/files/program.h"
+#include "common/files/result_file.h"
 #include "common/files/toml_reader.h"
 #include "offline/studies/study.h"
 #include "tests/support/files.h"
@@ -273,6 +274,19 @@ TEST(RobustnessProgram, ACertificateGetsTheShareAndANewerOneTakesItsPlace) {
     const auto same = after.motions()[j].position.control_points();
     EXPECT_TRUE(std::equal(points.begin(), points.end(), same.begin(), same.end()));
   }
+}
+
+TEST(RobustnessProgram, LanesAreRefusedWhereTheModelsOwnRunIsBrokenOff) {
+  const testing::TemporaryFolder folder;
+  CopyOfTheGait(folder);
+  const std::string motion = folder / "handstand.toml";
+  PrimitiveFile file = LoadPrimitive(motion);
+  file.primitive.following_tolerance_rad = 0.01;
+  PendingFile(motion, ToToml(file)).Commit();
+  const testing::Outcome outcome =
+      testing::RunProgram({"tumbler robustness", motion, "--lanes", "--robots", "8"});
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("the model's own run is broken off"));
 }
 
 TEST(RobustnessProgram, TheShareOfAGaitGoesIntoThePrimitivesThatItPlaysWhichTheirProgramsShow) {
