@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -209,13 +210,22 @@ class Study {
     std::vector<RecordedMotion> records;
     FitSettings settings;
     FitOutcome fit;
-    bool rests = true;  ///< Whether it was as asked in all of them.
+    bool rests = true;     ///< Whether it was as asked in all of them.
+    double reading_s = 0;  ///< CPU time of reading them.
   };
-  /// Records a robot, and fits it.
-  [[nodiscard]] Known Fit(const testing::HiddenRobot& robot, const std::string& folder);
+  /// Records a robot.
+  [[nodiscard]] Known Recorded(const testing::HiddenRobot& robot, const std::string& folder);
+  /// Fits the robot of these records.
+  void Fit(const testing::HiddenRobot& robot, Known& known);
   void Try(const testing::HiddenRobot& robot, const Known& known, const std::string& folder);
-  [[nodiscard]] FitOutcome FitAgain(const testing::HiddenRobot& robot, const Known& known,
-                                    const std::string& folder, const std::string& tried) const;
+  /// What was known before, with the records of a further motion and of the one that was tried.
+  /// @returns  empty: the robot was as asked in the further one, which is one of --guess.
+  [[nodiscard]] std::optional<FitOutcome> FitAgain(const testing::HiddenRobot& robot,
+                                                   const Known& known, const std::string& folder,
+                                                   const std::string& tried);
+  /// Whether a robot fails in all that the present one has failed in.
+  [[nodiscard]] std::function<bool(const std::vector<double>&)> FailsInWhatWasTried(
+      const RobotPosterior& like) const;
   void PrintQuantities() const;
 
   StudySettings settings_;
@@ -272,8 +282,10 @@ void Study::FitOne(int number) {
                             [&](const std::string& guess) { return RunsOf(guess).Play(robot); });
     if (stood_ && of_standing_.robots >= settings_.stands) return;
   }
+  tried_.clear();
+  if (settings_.tried && !stood_) tried_.insert(settings_.guesses.front());
   const std::string kept = fmt::format("{}/{}.toml", settings_.known, number);
-  Known of;
+  Known of = Recorded(robot, folder.path().string());
   if (!settings_.known.empty() && std::filesystem::exists(kept)) {
     const PosteriorFile file = LoadPosterior(kept);
     of.fit.posterior = file.posterior;
@@ -281,7 +293,7 @@ void Study::FitOne(int number) {
     of.fit.chi = file.chi;
     of.fit.effective = file.effective;
   } else {
-    of = Fit(robot, folder.path().string());
+    Fit(robot, of);
   }
   const FitOutcome& fit = of.fit;
   chis_.push_back(fit.chi);
@@ -295,8 +307,6 @@ void Study::FitOne(int number) {
   known.effective = fit.effective;
   if (!settings_.keep.empty())
     PendingFile(fmt::format("{}/{}.toml", settings_.keep, number), ToToml(known)).Commit();
-  tried_.clear();
-  if (settings_.tried && !stood_) tried_.insert(settings_.guesses.front());
   for (const std::string& motion : settings_.gated) AskGate(robot, known, motion);
   if (!settings_.task.empty()) Try(robot, of, folder.path().string());
   wrong_ += off ? 1 : 0;
@@ -312,34 +322,32 @@ void Study::FitOne(int number) {
   std::fflush(stdout);
 }
 
-Study::Known Study::Fit(const testing::HiddenRobot& robot, const std::string& folder) {
+Study::Known Study::Recorded(const testing::HiddenRobot& robot, const std::string& folder) {
   Known known;
-  double cpu_s = 0;
   for (std::size_t m = 0; m < runs_.size(); ++m) {
     const std::string file = folder + fmt::format("/{}.rec", m);
     known.rests = runs_[m].Record(robot, file) && known.rests;
     const double start = CpuSeconds();
     known.records.push_back(ReadRecordedMotion(file));
-    cpu_s += CpuSeconds() - start;
+    known.reading_s += CpuSeconds() - start;
   }
-  const double start = CpuSeconds();
   if (!settings_.annealing.empty()) known.settings.annealing = settings_.annealing;
   if (settings_.starts > 0) known.settings.starts = settings_.starts;
+  return known;
+}
+
+void Study::Fit(const testing::HiddenRobot& robot, Known& known) {
+  const double start = CpuSeconds();
   const bool weighed = settings_.weight > 0;
   if (weighed) {
     const Scene varied = Varied(runs_.front().scene(), robot.variation);
     for (const auto& dof : varied.robot.tree.dofs) known.settings.weight_kg += dof.mass_kg;
   }
   const FitPrior prior = PriorOfRecords(known.records, weighed);
-  if (settings_.tried && !stood_) {
-    PosteriorFile like;
-    like.posterior = prior.known;
-    known.settings.fails = FailsIn(settings_.guesses.front(), settings_.drives, like);
-  }
+  known.settings.fails = FailsInWhatWasTried(prior.known);
   known.fit = FitRobot(known.records, prior, known.settings);
-  cpu_.push_back(cpu_s + CpuSeconds() - start);
+  cpu_.push_back(known.reading_s + CpuSeconds() - start);
   fmt::print("  fitted in {:.2f} s\n", cpu_.back());
-  return known;
 }
 
 void Study::FitOneByOne(std::span<const RecordedMotion> records, const FitSettings& fit_settings,
@@ -417,21 +425,36 @@ std::string Study::MotionFor(const testing::HiddenRobot& robot, const PosteriorF
   return passes(motion) ? motion : "";
 }
 
-/// One fit of the earlier records and those of another motion, and of the motion that was tried, if
-/// any.
-FitOutcome Study::FitAgain(const testing::HiddenRobot& robot, const Known& known,
-                           const std::string& folder, const std::string& tried) const {
+std::function<bool(const std::vector<double>&)> Study::FailsInWhatWasTried(
+    const RobotPosterior& like) const {
+  PosteriorFile of;
+  of.posterior = like;
+  std::vector<std::function<bool(const std::vector<double>&)>> all;
+  for (const std::string& motion : tried_) all.push_back(FailsIn(motion, settings_.drives, of));
+  if (all.empty()) return {};
+  return [all](const std::vector<double>& robot) {
+    return std::ranges::all_of(all, [&](const auto& fails) { return fails(robot); });
+  };
+}
+
+std::optional<FitOutcome> Study::FitAgain(const testing::HiddenRobot& robot, const Known& known,
+                                          const std::string& folder, const std::string& tried) {
   std::vector<RecordedMotion> records = known.records;
   for (const std::string& motion : {settings_.further, tried}) {
-    if (motion.empty()) continue;
+    if (motion.empty() || tried_.contains(motion)) continue;
     const std::string file = folder + fmt::format("/again{}.rec", records.size());
-    RunsOf(motion).Record(robot, file);
+    const bool as_asked = RunsOf(motion).Record(robot, file);
+    const bool is_guess = std::ranges::find(settings_.guesses, motion) != settings_.guesses.end();
+    if (as_asked && is_guess) return std::nullopt;
+    if (is_guess || motion == tried) tried_.insert(motion);
     records.push_back(ReadRecordedMotion(file));
     TakeModelOf(records.front(), records.back());
   }
   FitSettings settings = known.settings;
-  if (!known.fit.effective) settings.begin = known.fit.posterior.mean;
-  return FitRobot(records, PriorOfRecords(records, known.fit.weighed), settings);
+  settings.begin = known.fit.posterior.mean;
+  const FitPrior prior = PriorOfRecords(records, known.fit.weighed);
+  if (settings_.tried) settings.fails = FailsInWhatWasTried(prior.known);
+  return FitRobot(records, prior, settings);
 }
 
 /// The whole procedure, as the guide has it. An effective model is tried on no
@@ -458,14 +481,19 @@ void Study::Try(const testing::HiddenRobot& robot, const Known& known, const std
   ++(motion.empty() ? tries.refused : tries.fell);
   fmt::print("  {}: {}\n", which, motion.empty() ? "refused" : "FELL");
   if (settings_.further.empty()) return;
-  tried_.insert(motion);
   const double start = CpuSeconds();
-  const FitOutcome again = FitAgain(robot, known, folder, motion);
-  file.posterior = again.posterior;
-  file.effective = again.effective;
-  file.chi = again.chi;
+  const std::optional<FitOutcome> again = FitAgain(robot, known, folder, motion);
+  if (!again) {
+    ++tries.then_stands;
+    fmt::print("    then stands in {}\n", settings_.further);
+    return;
+  }
+  file.posterior = again->posterior;
+  file.effective = again->effective;
+  file.chi = again->chi;
+  fmt::print("    then chi {:.3f}{}\n", again->chi, again->effective ? " effective" : "");
   const std::string second =
-      may_try(again) ? MotionFor(robot, file, folder, found_anew) : std::string();
+      may_try(*again) ? MotionFor(robot, file, folder, found_anew) : std::string();
   again_.push_back(CpuSeconds() - start);
   if (second.empty()) {
     fmt::print("    then refused\n");
