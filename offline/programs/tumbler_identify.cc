@@ -42,7 +42,8 @@ namespace {
 constexpr const char* kIdentifyExitCodes =
     R"(Exit codes:
   0    done; gate: it is open
-  1    wrong usage, or a file that cannot be used or written: nothing was written
+  1    wrong usage, or a file that cannot be used or written: nothing was written, unless it
+       is standard output that could not be
   2    excite: no motion is safe; fit, gate: a motion cannot be played so
   4    fit: the records are not explained, the model is an effective one, or it stands in a motion
        of --failed; gate: it is closed
@@ -399,7 +400,12 @@ void CheckIsOfRobot(const std::string& motion, const std::string& urdf, const st
   const Scene scene = SimulatedMotion(file).scene();
   first.provenance.robot_urdf = urdf;
   first.provenance.robot_file = name;
-  const std::string difference = DifferenceOf(scene, TaskOf(first).problem.scene.robot);
+  std::string difference;
+  try {
+    difference = DifferenceOf(scene, TaskOf(first).problem.scene.robot);
+  } catch (const FileError& error) {
+    difference = error.what();  // Its task names joints or links that this robot has not.
+  }
   if (difference.empty()) return;
   throw std::invalid_argument(fmt::format(
       "{}: is a motion of another robot than that of {}: {}; give "

@@ -17,6 +17,8 @@ namespace {
 
 /// How often the own shapes are looked at [ticks], and up to which distance [m].
 constexpr int kLookAtShapes = 2;
+/// Without corrections legs go where the plan has them, but for what drives are too weak for.
+constexpr int kLookAtShapesNowAndThen = 16;
 constexpr double kNearShapes_m = 1e-3;
 /// How often it is looked at where robots are, and from how long before the end of the motion on
 /// [ticks].
@@ -62,7 +64,7 @@ class PacketPlay {
       if (feedback_) feedback_->Correct(state_, corrected);
       task_.kernel.drive(task_.lanes.model, robots_, steps_, corrected, held_, state_, watch_);
       NoteFaults(corrected);
-      if (k % kLookAtShapes == 0) NoteOverlaps();
+      if (k % (feedback_ ? kLookAtShapes : kLookAtShapesNowAndThen) == 0) NoteOverlaps();
     }
     tick_ = end;
   }

@@ -145,8 +145,9 @@ std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& 
   std::vector<double> losses(motions.size());
   const RankingEnsemble robots = ForRanking(ensemble);
   ParallelFor(PacketsOf(motions), task_.options.threads, [&](int p, int /*thread*/) {
-    SelfDistances distances(task_.problem.scene.robot, task_.problem.scene.self_contact.pairs);
-    for (auto& runner : RunnersOf<float>(motions, Index(p) * Packet::kLanes, distances, losses)) {
+    LaneDistances distances = DistancesOf(task_);
+    for (auto& runner :
+         RunnersOf<float>(motions, Index(p) * Packet::kLanes, distances.front(), losses)) {
       while (runner.packets < robots.robots.size()) {
         const std::size_t packet = runner.packets;
         runner.Add(RobotLosses(task_, robots, packet, {runner.setpoints, runner.ticks}),
@@ -158,8 +159,7 @@ std::vector<double> RobustRanking::Rank(const std::vector<std::vector<double>>& 
       if (!task_.beside_model() || model == Model::kIsLeftOut) continue;
       AddModel(loss, [&] {
         const auto setpoints = planner_.SetpointsOf<Packet>(motions[runner.motion], runner.plan);
-        LaneDistances by_lane = DistancesOf(task_);
-        return Judge({setpoints, runner.ticks}, fine_model_, by_lane);
+        return Judge({setpoints, runner.ticks}, fine_model_, distances);
       });
     }
   });
