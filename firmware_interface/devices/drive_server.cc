@@ -21,7 +21,7 @@ constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 /// for as long after a frame.
 constexpr std::int64_t kLook_ns = 500'000;
 constexpr std::int64_t kLooking_ns = 4'000'000;
-/// It sleeps for so long at least [ns of the clock], since each waking costs about a tenth.
+/// It sleeps for so long at least [ns of the clock]: waking takes time, too.
 constexpr std::int64_t kLeastWait_ns = 50'000;
 constexpr std::int64_t kLostWait_ns = 50'000'000;  // of the clock
 

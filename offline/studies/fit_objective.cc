@@ -15,8 +15,8 @@ using Kind = RobotQuantity::Kind;
 namespace {
 
 /// Of a difference, in standard deviations of the prior. A foot that lifts a little earlier makes a
-/// bend in how a record depends on a robot, which a difference on one side takes for a slope: with
-/// steps of 0.01 to one side such slopes made intervals of masses a tenth as wide as they are.
+/// bend in how a record depends on a robot, which a difference to one side takes for a slope, and
+/// intervals are as much too narrow.
 constexpr double kDifference = 0.003;
 
 }  // namespace
