@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <fstream>
@@ -24,6 +25,22 @@ std::string SystemMessage(int error) { return std::generic_category().message(er
 
 [[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
   throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
+}
+
+/// Whether a file is there that is no text: flight records, MCAP and LCM logs have zeros within
+/// their first bytes.
+bool IsOfBytes(const std::string& path) {
+  std::array<char, 256> begin{};
+  std::ifstream stream(path, std::ios::binary);
+  stream.read(begin.data(), begin.size());
+  return std::find(begin.begin(), begin.begin() + stream.gcount(), '\0') !=
+         begin.begin() + stream.gcount();
+}
+
+[[noreturn]] void FailOfBytes(const std::string& path) {
+  throw FileError(path, 0, "",
+                  "is there, and no text, so that it is hardly a result of before; give another "
+                  "name, or delete it");
 }
 
 /// The name without symbolic links, of a file that need not be there yet.
@@ -139,6 +156,7 @@ void PendingPlace::Discard() {
 
 PendingFile::PendingFile(const std::string& path, const std::string& text) : place_(path) {
   if (IsDevice(path)) throw FileError(path, 0, "", kWouldReplace);
+  if (text.find('\0') == std::string::npos && IsOfBytes(path)) FailOfBytes(path);
   errno = 0;
   std::ofstream stream(place_.temporary(), std::ios::binary);
   stream << text;
@@ -271,7 +289,9 @@ WriterLock::~WriterLock() {
 }
 
 void CheckResult(const std::string& path) {
-  if (!path.empty() && path != "-" && !IsDevice(path)) CheckWritable(path);
+  if (path.empty() || path == "-" || IsDevice(path)) return;
+  CheckWritable(path);
+  if (IsOfBytes(path)) FailOfBytes(path);
 }
 
 namespace {

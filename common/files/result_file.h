@@ -47,7 +47,8 @@ class PendingPlace {
 /// A file that is there at once, as a PendingPlace.
 class PendingFile {
  public:
-  /// @throws FileError  when it cannot be written, or is a device, whose place no file may take.
+  /// @throws FileError  when it cannot be written, is a device, whose place no file may take, or is
+  /// a file of bytes, such as a flight record, in whose place a text would be put.
   PendingFile(const std::string& path, const std::string& text);
   /// Puts the file in place. @throws FileError  when that fails.
   void Commit() { place_.Commit(); }
@@ -132,7 +133,8 @@ void MakeFolderOf(const std::string& path);
 /// folder is made yet. @throws FileError  when they cannot be written.
 void CheckWritable(const std::string& path);
 void CheckFolderWritable(const std::string& path);
-/// The same of what WriteResult will write. Empty: nothing.
+/// The same of a text that WriteResult will write, which does not take the place of a file of
+/// bytes, such as a flight record: who names one has mistaken its name. Empty: nothing.
 void CheckResult(const std::string& path);
 
 /// Checks that no result would replace one of the inputs, or another result, by whatever names they

@@ -85,7 +85,7 @@ SweepStudy StudyOf(const Arguments& arguments) {
 HeldResults Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan& plan) {
   if (!study.guess) CheckGuess(study.grid.TaskAt(0));
   CheckFolderWritable(plan.folder);
-  if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
+  CheckResult(arguments.json);
   std::vector<std::string> files = FilesOf(study, plan);
   files.push_back(arguments.json);
   CheckDistinct({arguments.task, study.grid.base().robot_file, arguments.guess}, files);

@@ -81,7 +81,7 @@ class BenchRun {
     for (const std::string& output : {options.write, options.page}) {
       if (!output.empty()) CheckWritable(output);
     }
-    if (!options.json.empty() && options.json != "-") CheckWritable(options.json);
+    CheckResult(options.json);
     if (!options.write.empty() && !options.overwrite && std::filesystem::exists(options.write)) {
       throw std::runtime_error(
           fmt::format("{}: is there already; --overwrite replaces it", options.write));

@@ -7,6 +7,8 @@
 #include <atomic>
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -193,6 +195,24 @@ void RequireNewRecord(const std::string& file) {
   if (!std::filesystem::exists(file, error)) return;
   throw std::runtime_error(fmt::format(
       "{}: exists, and a record is never overwritten: name another file, or remove it", file));
+}
+
+void KeepRecords(std::span<const std::string> files) {
+  for (const std::string& file : files) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(file, error)) continue;
+    std::vector<std::uint8_t> begin;
+    std::ifstream stream(file, std::ios::binary);
+    for (std::istreambuf_iterator<char> at(stream), end;
+         at != end && begin.size() < kRecordHeaderBytes; ++at) {
+      begin.push_back(static_cast<std::uint8_t>(*at));
+    }
+    const RecordStart start = StartOf(begin);
+    if (start == RecordStart::kNotARecord || start == RecordStart::kTooShort) continue;
+    throw std::runtime_error(fmt::format(
+        "{}: is a flight record, which is never overwritten: name another file, or remove it",
+        file));
+  }
 }
 
 FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)

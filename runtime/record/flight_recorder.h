@@ -25,6 +25,9 @@ struct FlightRecorderConfig {
 /// @throws std::runtime_error  naming the file, when it is there already: a record is never
 /// overwritten.
 void RequireNewRecord(const std::string& file);
+/// @throws std::runtime_error  naming a file that is a flight record, in whose place something else
+/// would be written.
+void KeepRecords(std::span<const std::string> files);
 
 /// Writes every tick of a control loop into one file. Whatever happens to the process, the file is
 /// whole up to the last block written. docs/formats.md has the format.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
@@ -22,6 +23,7 @@
 #include "common/files/sequence_toml.h"
 #include "runtime/executor/faults.h"
 #include "runtime/record/channels.h"
+#include "runtime/record/flight_recorder.h"
 #include "runtime/record/lcm_log.h"
 #include "runtime/record/live_view.h"
 #include "runtime/record/log_mcap.h"
@@ -174,6 +176,7 @@ void ConvertToMcap(const LogExports& options, const PictureSource* pictures) {
 
 ExitStatus ShowLog(const LogExports& options, const PictureSource* pictures) {
   CheckDistinct({options.log, options.motion}, {options.csv, options.mcap});
+  KeepRecords(std::array{options.csv, options.mcap});
   const ExitStatus status = Convert(options.log, options.csv, !options.mcap.empty());
   if (!options.mcap.empty()) ConvertToMcap(options, pictures);
   return status;

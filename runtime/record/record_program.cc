@@ -18,6 +18,7 @@
 #include "common/files/program.h"
 #include "common/files/result_file.h"
 #include "runtime/record/flight_record.h"
+#include "runtime/record/flight_recorder.h"
 #include "runtime/record/log_program.h"
 #include "runtime/record/record_blocks.h"
 #include "runtime/record/record_export.h"
@@ -50,6 +51,7 @@ struct RecordExports {
 
 ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
   CheckDistinct({options.record}, options.All());
+  KeepRecords(options.All());
   const MappedFile file(options.record);
   FlightRecord record(file.bytes(), options.record);
   const std::vector<std::string> outputs = options.All();

@@ -159,8 +159,9 @@ void CheckOutputs(const RunOptions& options, const Simulation* simulation, const
   std::vector<std::string> outputs = options.files();
   outputs.insert(outputs.end(), {options.json, options.pose_file});
   CheckDistinct(inputs, outputs);
-  CheckResult(options.json);
   if (!options.record.empty()) RequireNewRecord(options.record);
+  KeepRecords(outputs);
+  CheckResult(options.json);
 }
 
 /// The number of the branch that --branch names; -1 without one.

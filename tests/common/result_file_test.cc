@@ -47,6 +47,22 @@ TEST(ResultFile, ANameThatCannotBeAFilesIsRefusedBeforeAnythingIsDone) {
   EXPECT_TRUE(folder.Listing().empty());
 }
 
+TEST(ResultFile, ATextDoesNotTakeThePlaceOfAFileOfBytes) {
+  const testing::TemporaryFolder folder;
+  const std::string record = folder / "run.rec", text = folder / "result.json";
+  const std::string bytes("REC\0\1", 5);
+  testing::WriteFile(record, bytes);
+  testing::WriteFile(text, "of before");
+  EXPECT_THROW(CheckResult(record), FileError);
+  EXPECT_THROW(WriteResult(record, "{}"), FileError);
+  EXPECT_EQ(testing::ReadFile(record), bytes);
+  CheckResult(text);
+  WriteResult(text, "{}");
+  EXPECT_EQ(testing::ReadFile(text), "{}");
+  WriteResult(record, bytes + bytes);
+  EXPECT_EQ(testing::ReadFile(record), bytes + bytes) << "bytes take the place of bytes";
+}
+
 TEST(ResultFile, FilesThatBelongTogetherAppearAllOrNone) {
   const testing::TemporaryFolder folder;
   const std::string first = folder / "out/first", last = folder / "out/last";

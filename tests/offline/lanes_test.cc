@@ -187,7 +187,7 @@ TEST(Lanes, RobotsForRankingHaveTheSameBitsWithEveryVectorAndInEveryLane) {
     EXPECT_TRUE(SameBits(first.state, other.state)) << kernel->name;
     EXPECT_TRUE(SameBits(first.watch, other.watch)) << kernel->name;
   }
-  std::ranges::rotate(robots, robots.begin() + 5);
+  std::rotate(robots.begin(), robots.begin() + 5, robots.end());
   const Ranked turned = play(*RankingKernels().front());
   for (std::size_t lane = 0; lane < robots.size(); ++lane) {
     const std::size_t before = (lane + 5) % robots.size();

@@ -233,6 +233,26 @@ TEST_F(RecordPrograms, AnExistingRecordIsKeptAndNothingIsRun) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "a.lcm"));
 }
 
+TEST_F(RecordPrograms, ARecordIsKeptWhateverElseIsToHaveItsName) {
+  ASSERT_EQ(Record("--log " + (folder_ / "run.lcm")).exit_code, 0);
+  const std::string kept = folder_ / "kept.rec";
+  std::filesystem::copy_file(record_, kept);
+  const std::string run = "tumbler run sim " + kHandstand + " --hold-s 0.1 ";
+  std::vector<std::string> commands;
+  for (const std::string kind : {"--json", "--csv", "--log", "--mcap", "--candump", "--truth"})
+    commands.push_back(run + kind + " " + kept);
+  for (const std::string kind : {"--csv", "--log", "--mcap", "--candump"})
+    commands.push_back("tumbler record " + record_ + " " + kind + " " + kept);
+  for (const std::string kind : {"--csv", "--mcap"})
+    commands.push_back("tumbler record " + (folder_ / "run.lcm") + " " + kind + " " + kept);
+  for (const std::string& command : commands) {
+    const Outcome refused = Run(command);
+    EXPECT_EQ(refused.exit_code, 1) << command;
+    EXPECT_THAT(refused.text, HasSubstr(kept + ": is ")) << command;
+    ASSERT_EQ(ReadFile(kept), ReadFile(record_)) << command;
+  }
+}
+
 TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
   const auto files = [this](const std::string& name) {
     std::string options;
