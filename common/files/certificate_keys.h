@@ -102,9 +102,10 @@ inline constexpr std::array kCertificateKeys = {
         KeyOf<&Certificate::kkt_residual>(
             "kkt_residual", {0, 1},
             "the projected gradient relative to what it is made of, by sensitivities whose "
-            "integration is 100 times finer than the solver's; at a minimum 1e-4 or less. Missing "
-            "in motions for robots that differ"),
-        14, "Kuhn-Tucker residual, integrated 100 times finer", "{kkt_residual:.1e} (relative)"},
+            "integration is 100 times finer than the solver's; at a minimum 1e-4 or less. By the "
+            "solver's own where that is more than 100 times as much as is asked for. Missing in "
+            "motions for robots that differ"),
+        14, "Kuhn-Tucker residual", "{kkt_residual:.1e} (relative)"},
 };
 
 /// The keys alone, for ReadKeys and WriteKeys. All but the last two are required.

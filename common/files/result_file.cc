@@ -266,6 +266,11 @@ void CheckWritable(const std::string& path) {
   CheckFolderWritable(std::filesystem::absolute(target).parent_path(), path);
 }
 
+void CheckTextFile(const std::string& path) {
+  CheckWritable(path);
+  if (IsOfBytes(path)) FailOfBytes(path);
+}
+
 void CheckFolderWritable(const std::string& path) {
   if (path == "-") {
     throw FileError(path, 0, "",
@@ -289,9 +294,7 @@ WriterLock::~WriterLock() {
 }
 
 void CheckResult(const std::string& path) {
-  if (path.empty() || path == "-" || IsDevice(path)) return;
-  CheckWritable(path);
-  if (IsOfBytes(path)) FailOfBytes(path);
+  if (!path.empty() && path != "-" && !IsDevice(path)) CheckTextFile(path);
 }
 
 namespace {

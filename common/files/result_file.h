@@ -133,8 +133,10 @@ void MakeFolderOf(const std::string& path);
 /// folder is made yet. @throws FileError  when they cannot be written.
 void CheckWritable(const std::string& path);
 void CheckFolderWritable(const std::string& path);
-/// The same of a text that WriteResult will write, which does not take the place of a file of
-/// bytes, such as a flight record: who names one has mistaken its name. Empty: nothing.
+/// The same of a text, as a PendingFile, which does not take the place of a file of bytes, such as
+/// a flight record: who names one has mistaken its name.
+void CheckTextFile(const std::string& path);
+/// The same of a text that WriteResult will write. Empty: nothing.
 void CheckResult(const std::string& path);
 
 /// Checks that no result would replace one of the inputs, or another result, by whatever names they

@@ -267,6 +267,12 @@ double GradientStepHalvingChange(const Problem& problem, const GradientBeside& b
   return scale > 0 ? change / scale : change;
 }
 
+bool IsFarFromMinimum(const Problem& problem, const Solution& solution) {
+  constexpr double kFar = 100;
+  if (problem.space || problem.robust) return false;
+  return solution.kkt.relative.value_or(0) > kFar * problem.solver.kkt_residual;
+}
+
 std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x) {
   if (problem.space) return std::nullopt;
   if (problem.robust) return std::nullopt;
@@ -462,8 +468,11 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                  Finite);
   certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, beside));
   certificate.projected_gradient = Finite(solution.kkt.absolute);
-  if (const auto kkt = FinerKktResidual(problem, solution.x))
+  if (IsFarFromMinimum(problem, solution)) {
+    certificate.kkt_residual = solution.kkt.relative;
+  } else if (const auto kkt = FinerKktResidual(problem, solution.x)) {
     certificate.kkt_residual = kkt->relative;
+  }
   certificate.constraint_violation = LargestExcess(primitive, summary);
   const SolvedSteps steps(problem,
                           solution.steps ? solution.steps : SolvedGrid(problem, solution.x));

@@ -170,6 +170,10 @@ struct MotionSummary {
 /// found by robots that differ, whose cost is another.
 std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x);
 
+/// Whether a motion's residual, by the solver's own steps, is more than 100 times what is asked of
+/// a minimum. Then finer steps would not make it one, and are not taken.
+bool IsFarFromMinimum(const Problem& problem, const Solution& solution);
+
 /// Makes a MotionSummary of a motion's samples.
 class MotionSummarizer {
  public:

@@ -197,10 +197,12 @@ void PrintMinimum(std::FILE* people, const TaskResult& result) {
     held += fmt::format("{}{} ({:.1e})", held.empty() ? "; held by " : ", ", multiplier.name,
                         multiplier.value);
   }
-  fmt::print(people,
-             "  Kuhn-Tucker residual {:.1e}, with a tolerance 100 times finer {:.1e} (relative; at "
-             "a minimum {:.0e} or less){}\n",
-             *kkt.relative, *finer, result.problem().solver.kkt_residual, held);
+  const std::string by_finer =
+      IsFarFromMinimum(result.problem(), result.best)
+          ? ""
+          : fmt::format(", with a tolerance 100 times finer {:.1e}", *finer);
+  fmt::print(people, "  Kuhn-Tucker residual {:.1e}{} (relative; at a minimum {:.0e} or less){}\n",
+             *kkt.relative, by_finer, result.problem().solver.kkt_residual, held);
 }
 
 }  // namespace

@@ -106,7 +106,7 @@ ExitStatus Main(int argc, char** argv) {
   inputs.insert(inputs.end(), {study.primitive, study.drives});
   CheckDistinct(inputs, {arguments.json});
   if (arguments.write) CheckWritable(study.primitive);
-  CheckResult(arguments.json);
+  if (!arguments.json.empty() && arguments.json != "-") CheckTextFile(arguments.json);
   study.interrupt = &EndOnSignals();
   std::optional<CountProgress> known;
   int of_all = 0;

@@ -247,7 +247,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   for (const std::string& path : {arguments.out, arguments.json}) {
     if (!path.empty() && path != "-") files.push_back(path);
   }
-  for (const std::string& path : files) CheckResult(path);
+  for (const std::string& path : files) CheckTextFile(path);
   if (!arguments.report.empty()) {
     CheckFolderWritable(PageFolder(arguments.report));
     files.push_back(PagePath(arguments.report));
@@ -364,7 +364,7 @@ HeldResults CheckResults(const std::vector<Task>& tasks, const Arguments& argume
     if (!arguments.report.empty()) outputs.push_back(ReportOf(tasks[i], arguments) + "/index.html");
   }
   if (!arguments.json.empty() && arguments.json != "-") {
-    CheckResult(arguments.json);
+    CheckTextFile(arguments.json);
     outputs.push_back(arguments.json);
   }
   CheckDistinct(inputs, outputs);

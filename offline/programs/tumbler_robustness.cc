@@ -221,7 +221,7 @@ void Check(Arguments& arguments) {
     for (const std::string& path : motions) CheckWritable(path);
   }
   if (!arguments.report.empty()) CheckFolderWritable(PageFolder(arguments.report));
-  CheckResult(arguments.json);
+  if (!arguments.json.empty() && arguments.json != "-") CheckTextFile(arguments.json);
 }
 
 void WriteJson(const std::string& path, const Json& json) {
@@ -346,7 +346,7 @@ ExitStatus PlayInSpace(const CommandLine& line, const Arguments& arguments) {
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   study.threads = arguments.plan.threads == 0 ? cores : arguments.plan.threads;
   study.interrupt = &EndOnSignals();
-  CheckResult(arguments.json);
+  if (!arguments.json.empty() && arguments.json != "-") CheckTextFile(arguments.json);
   std::optional<SpaceStudyResult> result;
   {
     CountProgress known(study.robots, "robots");

@@ -15,6 +15,7 @@
 
 #include "common/files/spline_extent.h"
 #include "common/files/toml_reader.h"
+#include "offline/certify/certificate.h"
 #include "offline/certify/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solve/robust_search.h"
@@ -247,6 +248,19 @@ TEST(SolveFromGuess, GoesOnToTheMinimumWhereAProofIsAskedFor) {
   EXPECT_EQ(proved.end, SolveEnd::kConverged);
   EXPECT_LT(proved.kkt.absolute, 1e-3 * near.kkt.absolute);
   EXPECT_LT(proved.rollout.cost, near.rollout.cost);
+}
+
+TEST(SolveFromGuess, FarFromAMinimumFinerStepsSayTheSameAndTheCertificateHasWhatTheSolveFound) {
+  const std::string text = Scaled(Known().provenance.task_toml, "mu = ", 1.1);
+  const Task task = ParseTask(text, "task.toml", Known().provenance.robot_urdf, "robot.urdf");
+  const SolveOutcome outcome =
+      SolveFromGuess(task.problem, GuessFrom(task.problem, Known(), "known.toml"), {});
+  const Solution& enough = outcome.solutions.front();
+  ASSERT_TRUE(IsFarFromMinimum(task.problem, enough));
+  EXPECT_EQ(MakePrimitiveFile(task, outcome, enough).certificate.kkt_residual, enough.kkt.relative);
+  EXPECT_NEAR(
+      FinerKktResidual(task.problem, enough.x)->relative.value() / enough.kkt.relative.value(), 1,
+      0.01);
 }
 
 PrimitiveFile ShippedMotion(const std::string& name) {
