@@ -34,8 +34,11 @@ void PrintExpected(const Excitation& found, const std::vector<std::string>& afte
     text += fmt::format("{}{} {:.2g} %", text.empty() ? "" : ", ", NameOf(found.quantities[i]),
                         100 * found.deviations[i]);
   }
-  fmt::print("  a record of it{} is expected to tell, as standard deviations: {}\n",
-             after.empty() ? "" : " and of those before it", text);
+  fmt::print(
+      "  a record of it{}, through drives of {} N m/rad and {} N m s/rad, is expected to tell, as "
+      "standard deviations: {}\n",
+      after.empty() ? "" : " and of those before it", found.drives.kp_nm_per_rad,
+      found.drives.kd_nm_s_per_rad, text);
 }
 
 void PrintFarOff(const RobotPosterior& posterior, const RobotPosterior& prior) {

@@ -238,9 +238,10 @@ EarlierRecords ReadEarlier(const PosteriorFile& before, const std::string& befor
   return earlier;
 }
 
-/// Names of records as paths from a folder.
+/// Names of records as paths from a folder, which need not be there yet: a relative one would stay
+/// relative then, and have nothing in common with that of a record.
 std::string FromFolder(const std::string& record, const std::string& folder) {
-  return fs::proximate(record, folder).string();
+  return fs::proximate(fs::absolute(record), fs::absolute(folder)).string();
 }
 
 /// What `tumbler identify fit` fits, and with what.

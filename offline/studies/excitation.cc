@@ -30,6 +30,7 @@
 #include "offline/solve/solver.h"
 #include "offline/studies/excitation_player.h"
 #include "offline/studies/excitation_shape.h"
+#include "offline/studies/fit_objective.h"
 #include "offline/studies/recorded_motion.h"
 #include "offline/studies/recorded_replay.h"
 #include "offline/studies/robot_fit.h"
@@ -59,6 +60,8 @@ constexpr double kFirstSteps = 0.08;
 constexpr double kUnsafe = 1e9, kFalls = 1e6;
 /// Standard deviation of a reading of common drives, by two roundings to 14 and 16 bits [rad].
 constexpr double kReading_rad = 1.6e-4;
+/// Dry friction of the robot that motions are ranked for.
+constexpr double kDry_nm = 0.02;
 
 /// The standard deviation to which a quantity is wanted; 0: to none.
 double WantedDeviation(RobotQuantity::Kind kind) {
@@ -347,11 +350,31 @@ class Maker {
     return record;
   }
 
-  /// What a record would tell of the quantities, J^T J in units of the prior's deviations, for the
-  /// model with common friction, by rough steps.
-  [[nodiscard]] Eigen::MatrixXd InformationOf(const RecordedMotion& record) const {
+  /// What a record tells of the quantities, in units of the prior's deviations, of the model with
+  /// common friction: as a fit would find, wherever the robot is set down.
+  [[nodiscard]] Eigen::MatrixXd ToldBy(const RecordedMotion& record) const {
+    const FitPrior prior{prior_, {}, {}};
+    const FitSettings settings;
+    FitObjective objective(std::span(&record, 1), prior, settings);
+    Eigen::VectorXd robot = Eigen::VectorXd::Zero(objective.size());
+    for (std::size_t i = 0; i < prior_.size(); ++i) {
+      if (prior_.quantities[i].kind == RobotQuantity::Kind::kDry)
+        robot[ToIndex(i)] = (kDry_nm - prior_.mean[i]) / prior_.DeviationOf(i);
+    }
+    const Eigen::MatrixXd J = objective.Derivatives(robot, settings.per_tick);
+    const Eigen::Index n = ToIndex(prior_.size()), starts = objective.size() - n;
+    Eigen::MatrixXd H = J.transpose() * J;
+    H.bottomRightCorner(starts, starts).diagonal().array() += 1;
+    return H.topLeftCorner(n, n) -
+           H.topRightCorner(n, starts) *
+               H.bottomRightCorner(starts, starts).ldlt().solve(H.bottomLeftCorner(starts, n));
+  }
+
+  /// The same by rough steps and differences to one side, to rank motions by. Feet that chatter
+  /// make it larger.
+  [[nodiscard]] Eigen::MatrixXd RoughlyToldBy(const RecordedMotion& record) const {
     const RecordedReplay replay(record, prior_.quantities);
-    constexpr double kDifference = 0.02, kDry_nm = 0.02;
+    constexpr double kDifference = 0.02;
     constexpr int kSteps = 4;
     std::vector<double> robot = prior_.mean;
     for (std::size_t i = 0; i < prior_.size(); ++i)
@@ -372,14 +395,18 @@ class Maker {
     return J.transpose() * J;
   }
 
-  /// Of all quantities after a record of this motion and those before it, as far as a quadratic
-  /// function tells.
-  [[nodiscard]] std::vector<double> DeviationsAfter(const Setpoints& setpoints) const {
+  /// The record that a robot would make of a motion.
+  [[nodiscard]] RecordedMotion Imagined(const Setpoints& setpoints) const {
     PrimitivePose start;
     start.root_x_m = problem().start_q[0];
     start.root_z_m = problem().start_q[1];
     start.root_pitch_rad = problem().start_q[2];
-    const Eigen::MatrixXd information = before_ + InformationOf(Imagined(setpoints, start));
+    return Imagined(setpoints, start);
+  }
+
+  /// Of all quantities after a record and those before it, as far as a quadratic function tells.
+  [[nodiscard]] std::vector<double> DeviationsWith(const Eigen::MatrixXd& told) const {
+    const Eigen::MatrixXd information = before_ + told;
     if (!information.allFinite()) return {};
     const Eigen::Index n = information.rows();
     const Eigen::MatrixXd covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
@@ -392,7 +419,7 @@ class Maker {
   }
 
   /// The A-criterion in units of the wanted deviations: what is known worst counts most.
-  /// @param deviations  DeviationsAfter.
+  /// @param deviations  DeviationsWith.
   [[nodiscard]] double CriterionOf(const std::vector<double>& deviations) const {
     if (deviations.empty()) return kUnsafe;
     double squares = 0;
@@ -403,12 +430,13 @@ class Maker {
     return squares;
   }
   [[nodiscard]] double ValueOf(const Setpoints& setpoints) const {
-    return CriterionOf(DeviationsAfter(setpoints));
+    return CriterionOf(DeviationsWith(RoughlyToldBy(Imagined(setpoints))));
   }
 
   void TellWhatIsKnown(const Motion& motion, Excitation& result) const {
+    result.drives = problem().drive_gains();
     result.quantities = prior_.quantities;
-    result.deviations = DeviationsAfter(motion.setpoints);
+    result.deviations = DeviationsWith(ToldBy(Imagined(motion.setpoints)));
     result.criterion = CriterionOf(result.deviations);
   }
 
@@ -438,9 +466,9 @@ class Maker {
         positions.push_back(joint.position);
         torques.push_back(joint.torque);
       }
-      before_ += InformationOf(
-          Imagined(ExcitationSetpointsOf(first.primitive.duration_s, positions, torques),
-                   StartOf(motion.file())));
+      before_ +=
+          ToldBy(Imagined(ExcitationSetpointsOf(first.primitive.duration_s, positions, torques),
+                          StartOf(motion.file())));
     }
   }
 

@@ -48,6 +48,8 @@ struct Excitation {
   double pitch_rad = 0;           ///< Largest turn of any robot's root.
   std::vector<double> joint_rad;  ///< Largest swing of each joint, either way.
   int robots = 0;                 ///< That played it, of which none fell.
+  /// Through which it was designed and all of them played it: the task's, or the default ones.
+  DriveGains drives;
 };
 
 /// Makes a motion that begins and ends at rest in the task's start pose, from which a robot and its

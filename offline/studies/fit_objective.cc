@@ -19,6 +19,9 @@ namespace {
 /// intervals are as much too narrow.
 constexpr double kDifference = 0.003;
 
+/// Of where a joint was set down, from its setpoint: as of a zero.
+constexpr double kStart_rad = 5e-3;
+
 }  // namespace
 
 FitObjective::FitObjective(std::span<const RecordedMotion> records, const FitPrior& prior,
@@ -33,11 +36,13 @@ FitObjective::FitObjective(std::span<const RecordedMotion> records, const FitPri
     least_.push_back(positive ? -prior_.mean[i] / deviations_[i]
                               : -std::numeric_limits<double>::infinity());
   }
-  SetPrior(prior.earlier);
   for (const RecordedMotion& record : records) {
     replays_.push_back(std::make_unique<RecordedReplay>(record, prior_.quantities));
     rows_ += replays_.back()->count();
+    starts_ += record.joint_count();
   }
+  least_.resize(n_ + starts_, -std::numeric_limits<double>::infinity());
+  SetPrior(prior.earlier);
   if (settings.weight_kg > 0 && !prior.weighed) {
     ++rows_;
     for (std::size_t i = 0; i < n_; ++i)
@@ -51,6 +56,12 @@ std::vector<double> FitObjective::CoordinatesOf(const VectorXd& w) const {
   return z;
 }
 
+VectorXd FitObjective::Extended(const VectorXd& w) const {
+  VectorXd extended = VectorXd::Zero(size());
+  extended.head(w.size()) = w;
+  return extended;
+}
+
 VectorXd FitObjective::Allowed(VectorXd w) const {
   for (std::size_t i = 0; i < n_; ++i) w[ToIndex(i)] = std::max(w[ToIndex(i)], least_[i]);
   return w;
@@ -62,14 +73,14 @@ double FitObjective::ValueOf(const VectorXd& residuals, const VectorXd& w, doubl
 
 VectorXd FitObjective::StepOf(const MatrixXd& A, const VectorXd& g, const VectorXd& w) const {
   VectorXd step = VectorXd::Zero(w.size());
-  std::vector<bool> held(n_, false);
+  std::vector<bool> held(least_.size(), false);
   for (int round = 0; round < 4; ++round) {
     std::vector<Eigen::Index> free;
-    for (std::size_t i = 0; i < n_; ++i)
+    for (std::size_t i = 0; i < held.size(); ++i)
       if (!held[i]) free.push_back(ToIndex(i));
     const MatrixXd of_free = A(free, free);
     VectorXd right = -g(free);
-    for (std::size_t i = 0; i < n_; ++i)
+    for (std::size_t i = 0; i < held.size(); ++i)
       if (held[i]) right -= A(free, ToIndex(i)) * step[ToIndex(i)];
     const VectorXd solved = of_free.ldlt().solve(right);
     step(free) = solved;
@@ -85,23 +96,40 @@ VectorXd FitObjective::StepOf(const MatrixXd& A, const VectorXd& g, const Vector
   return step;
 }
 
+MatrixXd FitObjective::ResidualsOf(std::size_t record, const std::vector<VectorXd>& robots,
+                                   int per_tick) const {
+  std::size_t first = n_;
+  for (std::size_t r = 0; r < record; ++r) first += replays_[r]->motion().joint_count();
+  const RecordedReplay& replay = *replays_[record];
+  std::vector<std::vector<double>> coordinates, starts;
+  for (const VectorXd& u : robots) {
+    coordinates.push_back(CoordinatesOf(u));
+    const auto start = u.segment(ToIndex(first), ToIndex(replay.motion().joint_count()));
+    starts.emplace_back(start.begin(), start.end());
+    for (double& offset : starts.back()) offset *= kStart_rad;
+  }
+  const auto residuals = replay.Play(coordinates, per_tick, starts);
+  MatrixXd all(ToIndex(replay.count()), ToIndex(robots.size()));
+  for (std::size_t r = 0; r < robots.size(); ++r) {
+    all.col(ToIndex(r)) =
+        Eigen::Map<const VectorXd>(residuals.of_robot[r].data(), ToIndex(replay.count()));
+  }
+  return all;
+}
+
 MatrixXd FitObjective::Residuals(const std::vector<VectorXd>& robots, int per_tick) {
-  std::vector<std::vector<double>> coordinates;
-  for (const VectorXd& u : robots) coordinates.push_back(CoordinatesOf(u));
   MatrixXd all(ToIndex(rows_), ToIndex(robots.size()));
   Eigen::Index row = 0;
-  for (const auto& replay : replays_) {
-    const auto residuals = replay->Play(coordinates, per_tick);
-    for (std::size_t r = 0; r < robots.size(); ++r) {
-      all.block(row, ToIndex(r), ToIndex(replay->count()), 1) =
-          Eigen::Map<const VectorXd>(residuals.of_robot[r].data(), ToIndex(replay->count()));
-    }
-    row += ToIndex(replay->count());
+  for (std::size_t record = 0; record < replays_.size(); ++record) {
+    const MatrixXd of_record = ResidualsOf(record, robots, per_tick);
+    all.middleRows(row, of_record.rows()) = of_record;
+    row += of_record.rows();
   }
   if (!masses_.empty()) {
     for (std::size_t r = 0; r < robots.size(); ++r) {
+      const std::vector<double> coordinates = CoordinatesOf(robots[r]);
       double total = 0;
-      for (const std::size_t i : masses_) total += portable::Exp(coordinates[r][i]);
+      for (const std::size_t i : masses_) total += portable::Exp(coordinates[i]);
       all(row, ToIndex(r)) = portable::Log(total / settings_.weight_kg) / settings_.weight_sd;
     }
   }
@@ -110,27 +138,47 @@ MatrixXd FitObjective::Residuals(const std::vector<VectorXd>& robots, int per_ti
 }
 
 MatrixXd FitObjective::Derivatives(const VectorXd& u, int per_tick) {
-  std::vector<VectorXd> robots;
-  for (const double step : {kDifference, -kDifference}) {
-    for (Eigen::Index i = 0; i < u.size(); ++i) {
-      VectorXd robot = u;
-      robot[i] += step;
-      robots.push_back(Allowed(robot));
+  const auto beside = [&](Eigen::Index first, Eigen::Index count) {
+    std::vector<VectorXd> robots;
+    for (const double step : {kDifference, -kDifference}) {
+      for (Eigen::Index i = first; i < first + count; ++i) {
+        VectorXd robot = u;
+        robot[i] += step;
+        robots.push_back(Allowed(robot));
+      }
     }
+    return robots;
+  };
+  const auto slopes = [](const MatrixXd& residuals, const std::vector<VectorXd>& robots,
+                         Eigen::Index first) {
+    const Eigen::Index count = residuals.cols() / 2;
+    MatrixXd of = residuals.leftCols(count) - residuals.rightCols(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      of.col(i) /= robots[static_cast<std::size_t>(i)][first + i] -
+                   robots[static_cast<std::size_t>(count + i)][first + i];
+    }
+    return of;
+  };
+  MatrixXd J = MatrixXd::Zero(ToIndex(rows_), size());
+  const std::vector<VectorXd> robots = beside(0, ToIndex(n_));
+  J.leftCols(ToIndex(n_)) = slopes(Residuals(robots, per_tick), robots, 0);
+  Eigen::Index row = 0, first = ToIndex(n_);
+  for (std::size_t record = 0; record < replays_.size(); ++record) {
+    const auto joints = ToIndex(replays_[record]->motion().joint_count());
+    const auto rows = ToIndex(replays_[record]->count());
+    const std::vector<VectorXd> starts = beside(first, joints);
+    J.block(row, first, rows, joints) =
+        slopes(ResidualsOf(record, starts, per_tick), starts, first);
+    row += rows;
+    first += joints;
   }
-  MatrixXd all = Residuals(robots, per_tick);
-  for (Eigen::Index i = 0; i < u.size(); ++i) {
-    const Eigen::Index less = u.size() + i;
-    const double apart =
-        robots[static_cast<std::size_t>(i)][i] - robots[static_cast<std::size_t>(less)][i];
-    all.col(i) = (all.col(i) - all.col(less)) / apart;
-  }
-  return all.leftCols(u.size());
+  return J;
 }
 
 void FitObjective::SetPrior(const RobotInformation& earlier) {
   const Eigen::Index n = ToIndex(n_);
-  centre_ = VectorXd::Zero(n);
+  centre_ = VectorXd::Zero(size());
+  precision_ = gradient_covariance_ = MatrixXd::Identity(size(), size());
   const Eigen::Map<const VectorXd> scale(deviations_.data(), n);
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const auto scaled = [&](const std::vector<double>& matrix) -> MatrixXd {
@@ -139,8 +187,8 @@ void FitObjective::SetPrior(const RobotInformation& earlier) {
   if (!earlier.empty()) {
     for (std::size_t i = 0; i < n_; ++i)
       centre_[ToIndex(i)] = (earlier.centre[i] - prior_.mean[i]) / deviations_[i];
-    precision_ = scaled(earlier.hessian);
-    gradient_covariance_ = scaled(earlier.gradient_covariance);
+    precision_.topLeftCorner(n, n) = scaled(earlier.hessian);
+    gradient_covariance_.topLeftCorner(n, n) = scaled(earlier.gradient_covariance);
     return;
   }
   const VectorXd inverse = scale.cwiseInverse();
@@ -149,7 +197,7 @@ void FitObjective::SetPrior(const RobotInformation& earlier) {
                           inverse.asDiagonal();
   constexpr double kRounding = 1e-9;
   correlations.diagonal().array() += kRounding;
-  precision_ = correlations.ldlt().solve(MatrixXd::Identity(n, n));
+  precision_.topLeftCorner(n, n) = correlations.ldlt().solve(MatrixXd::Identity(n, n));
   gradient_covariance_ = precision_;
 }
 

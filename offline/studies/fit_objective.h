@@ -14,17 +14,25 @@
 
 namespace tumbler {
 
+/// Index of Eigen's.
+inline Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
 /// The objective of a fit: half the sum of squares of the residuals, and
 /// (w - c)^T P (w - c) / 2 of how far a robot is from what was known before. A robot is that of the
-/// prior's mean and w, in deviations of what was known before the first record.
+/// prior's mean and the first coordinates of w, in deviations of what was known before the first
+/// record. The others say of each record and joint where the robot was set down: a robot that is
+/// put where its encoders read the start is off by their zeros, and one that was moved there is
+/// not, and which of both it was no record tells.
 class FitObjective {
  public:
   /// All have to outlive this object.
   FitObjective(std::span<const RecordedMotion> records, const FitPrior& prior,
                const FitSettings& settings);
 
-  /// How many coordinates a robot has.
-  [[nodiscard]] std::size_t size() const { return n_; }
+  /// How many coordinates w has, those of the robot first.
+  [[nodiscard]] Eigen::Index size() const { return ToIndex(n_ + starts_); }
+  /// Coordinates with zeros for starts that they lack.
+  [[nodiscard]] Eigen::VectorXd Extended(const Eigen::VectorXd& w) const;
   /// How many robots were played.
   [[nodiscard]] int evaluations() const { return evaluations_; }
   [[nodiscard]] const Eigen::MatrixXd& precision() const { return precision_; }
@@ -53,15 +61,19 @@ class FitObjective {
 
   /// Residuals of robots, a column each.
   [[nodiscard]] Eigen::MatrixXd Residuals(const std::vector<Eigen::VectorXd>& robots, int per_tick);
-  /// Derivatives of the residuals, by central differences.
+  /// Derivatives of the residuals, by central differences. A start moves its own record alone.
   [[nodiscard]] Eigen::MatrixXd Derivatives(const Eigen::VectorXd& u, int per_tick);
 
  private:
   void SetPrior(const RobotInformation& earlier);
+  /// Residuals of a record, of robots a column each.
+  [[nodiscard]] Eigen::MatrixXd ResidualsOf(std::size_t record,
+                                            const std::vector<Eigen::VectorXd>& robots,
+                                            int per_tick) const;
 
   const RobotPosterior& prior_;
   const FitSettings& settings_;
-  std::size_t n_, rows_ = 0;
+  std::size_t n_, starts_ = 0, rows_ = 0;
   std::vector<double> deviations_, least_;
   Eigen::VectorXd centre_;
   Eigen::MatrixXd precision_, gradient_covariance_;
@@ -69,8 +81,5 @@ class FitObjective {
   std::vector<std::unique_ptr<RecordedReplay>> replays_;
   int evaluations_ = 0;
 };
-
-/// Index of Eigen's.
-inline Eigen::Index ToIndex(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
 }  // namespace tumbler

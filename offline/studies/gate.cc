@@ -46,11 +46,15 @@ void TakeOff(const std::vector<JointMotor>& played, RobotVariation& robot) {
 /// So many draws are looked at for each that is asked for.
 constexpr int kDrawnForEach = 2;
 
+/// With which zeros of its encoders a robot plays a motion: those of the drives file, or those with
+/// which it was recorded, as what it has failed in before they were corrected.
+enum class PlayedZeros { kOfDrives, kOfRecords };
+
 /// The robots of a posterior in a motion.
 class GateRobots {
  public:
   GateRobots(const std::string& motion, const std::string& drives, const PosteriorFile& posterior,
-             GateSettings settings = {})
+             PlayedZeros zeros, GateSettings settings = {})
       : settings_(std::move(settings)), known_(posterior), trials_(StudyOf(motion, drives)) {
     if (known_.drives.of_joint.empty()) return;
     const PosteriorDrives played = FactsOf(trials_.drives());
@@ -64,7 +68,7 @@ class GateRobots {
                            "recorded with these"
                          : "give those of the records, or record the robot with these"));
     }
-    ShiftZeros(known_, played);
+    if (zeros == PlayedZeros::kOfDrives) ShiftZeros(known_, played);
   }
   [[nodiscard]] const DrivesConfig& drives() const { return trials_.drives(); }
 
@@ -129,10 +133,10 @@ bool GateOutcome::open() const {
 
 GateOutcome PassGate(const std::string& motion, const std::string& drives,
                      const PosteriorFile& posterior, const GateSettings& settings) {
-  GateRobots asked(motion, drives, posterior, settings);
+  GateRobots asked(motion, drives, posterior, PlayedZeros::kOfDrives, settings);
   std::vector<GateRobots> failed_in;
   for (const std::string& failed : settings.failed) {
-    failed_in.emplace_back(failed, drives, posterior, settings);
+    failed_in.emplace_back(failed, drives, posterior, PlayedZeros::kOfRecords, settings);
     failed_in.back().CheckIsJudged(failed);
   }
   GateOutcome outcome;
@@ -168,7 +172,7 @@ std::function<bool(const std::vector<double>&)> FailsIn(const std::string& motio
                                                         const std::string& drives,
                                                         const PosteriorFile& like) {
   // The function is to be cheap to copy.
-  const auto robots = std::make_shared<GateRobots>(motion, drives, like);
+  const auto robots = std::make_shared<GateRobots>(motion, drives, like, PlayedZeros::kOfRecords);
   robots->CheckIsJudged(motion);
   return [robots](const std::vector<double>& coordinates) {
     return robots->Play(coordinates).fails();

@@ -30,8 +30,9 @@ struct GateSettings {
   std::optional<double> deviations = {};
   std::uint64_t seed = 1;
   UntoldSpreads margins;
-  /// Motions that the robot has failed in. A model that stands in one of them is not to be believed
-  /// where it stands in another (GateOutcome::credible).
+  /// Motions that the robot has failed in, with the encoders' zeros of its records. A model that
+  /// stands in one of them is not to be believed where it stands in another
+  /// (GateOutcome::credible).
   std::vector<std::string> failed;
   /// Set it from any thread to end early; may be null.
   const std::atomic<bool>* interrupt = nullptr;

@@ -107,17 +107,21 @@ LaneRobot<double> RecordedReplay::RobotOf(std::span<const double> coordinates,
 }
 
 RecordedReplay::Residuals RecordedReplay::Play(std::span<const std::vector<double>> robots,
-                                               int per_tick) const {
+                                               int per_tick,
+                                               std::span<const std::vector<double>> starts) const {
   Residuals residuals;
   residuals.of_robot.resize(robots.size());
   for (std::size_t first = 0; first < robots.size(); first += kReplayed) {
     const std::size_t n = std::min(kReplayed, robots.size() - first);
-    PlayPacket(robots.subspan(first, n), per_tick, std::span(residuals.of_robot).subspan(first, n));
+    PlayPacket(robots.subspan(first, n), per_tick,
+               starts.empty() ? starts : starts.subspan(first, n),
+               std::span(residuals.of_robot).subspan(first, n));
   }
   return residuals;
 }
 
 void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int per_tick,
+                                std::span<const std::vector<double>> starts,
                                 std::span<std::vector<double>> residuals) const {
   const std::size_t joints = motion_.joint_count();
   std::array<LaneRobot<double>, kReplayed> each{};
@@ -128,6 +132,8 @@ void RecordedReplay::PlayPacket(std::span<const std::vector<double>> robots, int
   LaneRobot<Packet> packed = PackLanes<LaneRobot>(each);
   std::array<LaneState<double>, kReplayed> states;
   states.fill(start_);
+  for (std::size_t lane = 0; lane < starts.size(); ++lane)
+    for (std::size_t j = 0; j < joints; ++j) states[lane].q[j + 3] += starts[lane][j];
   LaneState<Packet> state = PackLanes<LaneState>(states);
   const LaneKernel<Packet>& kernel = *PacketKernels().front();
   LaneWatch<Packet> watch;

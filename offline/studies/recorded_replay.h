@@ -31,7 +31,11 @@ class RecordedReplay {
 
   /// @param robots     coordinates of the quantities, each.
   /// @param per_tick   integration steps in a tick.
-  [[nodiscard]] Residuals Play(std::span<const std::vector<double>> robots, int per_tick) const;
+  /// @param starts     by robot and joint, how far from its first setpoint the joint was in truth
+  ///                   when the robot was set down [rad]; empty: nowhere. Feet that rest do not
+  ///                   forget where they were put.
+  [[nodiscard]] Residuals Play(std::span<const std::vector<double>> robots, int per_tick,
+                               std::span<const std::vector<double>> starts = {}) const;
 
   /// The first tick that counts: shortly before the motion begins.
   [[nodiscard]] std::size_t first() const { return first_; }
@@ -58,6 +62,7 @@ class RecordedReplay {
   [[nodiscard]] double ActsAfter(double arrival_s) const;
   LaneRobot<double> RobotOf(std::span<const double> coordinates, Sampling& sampling) const;
   void PlayPacket(std::span<const std::vector<double>> robots, int per_tick,
+                  std::span<const std::vector<double>> starts,
                   std::span<std::vector<double>> residuals) const;
 
   const RecordedMotion& motion_;

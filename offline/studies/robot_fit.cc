@@ -31,21 +31,14 @@ constexpr double kBlock_s = 0.05;
 constexpr double kGain = 1e-4;
 
 /// By how much more than the sandwich says estimates of hidden robots scatter about the truth
-/// (docs/identify.md): by steps of the integrator, by rounding that stands still with the robot,
-/// and by what is no linear function of the robot.
+/// (docs/identify.md): by rounding that stands still with the robot, and by what is no linear
+/// function of the robot.
 double WideningOf(Kind kind) {
   switch (kind) {
-    case Kind::kFriction:
-      return 1.2;
-    case Kind::kSlope:
-    case Kind::kLength:
-      return 1.25;
     case Kind::kZero:
       return 1.3;
     case Kind::kDry:
-      return 2.4;
-    case Kind::kMassCentre:
-      return 1.1;
+      return 1.6;
     default:
       return 1;
   }
@@ -389,6 +382,20 @@ MatrixXd Sandwich(const About& about) {
   return 0.5 * (covariance + covariance.transpose());
 }
 
+/// The same of the robot alone, wherever it was set down for each record (Schur complement).
+About OfRobot(const About& about, Eigen::Index n) {
+  const Eigen::Index starts = about.hessian.cols() - n;
+  MatrixXd score(n, n + starts);  // of the robot, less what starts take of it
+  score << MatrixXd::Identity(n, n), -about.hessian.bottomRightCorner(starts, starts)
+                                          .ldlt()
+                                          .solve(about.hessian.bottomLeftCorner(starts, n))
+                                          .transpose();
+  const MatrixXd hessian = score * about.hessian.leftCols(n);
+  const MatrixXd gradient_covariance = score * about.gradient_covariance * score.transpose();
+  return {0.5 * (hessian + hessian.transpose()),
+          0.5 * (gradient_covariance + gradient_covariance.transpose()), about.centre.head(n)};
+}
+
 RobotInformation InformationOf(const FitObjective& objective, const About& about) {
   RobotInformation information;
   information.centre = objective.CoordinatesOf(about.centre);
@@ -494,11 +501,11 @@ VectorXd GrowFromFirst(std::span<const RecordedMotion> records, const FitPrior& 
                        const FitSettings& settings) {
   constexpr double kNear = 6;  // Noise with which a fit goes on, in its true size.
   FitSettings of = settings;
-  VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
+  VectorXd u;
   for (std::size_t count = 1; count < records.size(); ++count) {
     FitObjective objective(records.first(count), prior, of);
     Fitter fitter(objective, of);
-    const Found found = fitter.From(objective.Allowed(u));
+    const Found found = fitter.From(objective.Allowed(objective.Extended(u)));
     if (fitter.Interrupted()) break;
     u = found.u;
     of.annealing = {kNear, 1};
@@ -516,7 +523,7 @@ Found FromStarts(std::span<const RecordedMotion> records, const FitPrior& prior,
   const auto explains = [&] { return ChiOf(Split(objective, best.residuals)) <= settings.chi_max; };
   const int before = settings.begin.empty() ? 0 : -1;
   for (int start = before; start < settings.starts && !fitter.Interrupted(); ++start) {
-    VectorXd u = VectorXd::Zero(ToIndex(prior.known.size()));
+    VectorXd u = VectorXd::Zero(objective.size());
     Normal normal(1, static_cast<std::uint64_t>(std::max(start, 0)));
     for (std::size_t i = 0; start != 0 && i < prior.known.size(); ++i) {
       const double off = start < 0 ? settings.begin[i] - prior.known.mean[i]
@@ -529,7 +536,8 @@ Found FromStarts(std::span<const RecordedMotion> records, const FitPrior& prior,
     if (found.value < best.value || best.u.size() == 0) best = found;
     if (explains()) break;
     if (start != 0 || records.size() == 1 || fitter.Interrupted()) continue;
-    const Found grown = fitter.From(objective.Allowed(GrowFromFirst(records, prior, settings)));
+    const VectorXd begin = objective.Extended(GrowFromFirst(records, prior, settings));
+    const Found grown = fitter.From(objective.Allowed(begin));
     ++starts;
     if (grown.value < best.value) best = grown;
     if (explains()) break;
@@ -597,7 +605,7 @@ FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& pri
   outcome.records = Split(*last, best.residuals);
   outcome.chi = ChiOf(outcome.records);
   outcome.effective = outcome.chi > settings.chi_max;
-  const About about = LookAbout(*last, J, noise, best);
+  const About about = OfRobot(LookAbout(*last, J, noise, best), ToIndex(prior.known.size()));
   outcome.information = InformationOf(*last, about);
   const MatrixXd of_variables = Sandwich(about);
   const std::size_t n = prior.known.size();
@@ -631,8 +639,21 @@ std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
   const FitSettings settings;
   const FitPrior prior{robot, {}, {}};
   FitObjective objective(records, prior, settings);
-  const VectorXd mean = VectorXd::Zero(ToIndex(robot.size()));
-  return Split(objective, objective.Residuals({mean}, per_tick).col(0));
+  VectorXd u = VectorXd::Zero(objective.size());
+  VectorXd residuals = objective.Residuals({u}, per_tick).col(0);
+  const Eigen::Index starts = objective.size() - ToIndex(robot.size());
+  for (int step = 0; step < 2; ++step) {
+    const MatrixXd J = objective.Derivatives(u, per_tick).rightCols(starts);
+    MatrixXd A = J.transpose() * J;
+    A.diagonal().array() += 1;  // what is known before, in deviations
+    VectorXd next = u;
+    next.tail(starts) -= A.ldlt().solve(J.transpose() * residuals + u.tail(starts));
+    const VectorXd then = objective.Residuals({next}, per_tick).col(0);
+    if (!(objective.ValueOf(then, next, 1) < objective.ValueOf(residuals, u, 1))) break;
+    u = next;
+    residuals = then;
+  }
+  return Split(objective, residuals);
 }
 
 }  // namespace tumbler

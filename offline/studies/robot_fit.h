@@ -109,7 +109,8 @@ struct FitOutcome {
 FitOutcome FitRobot(std::span<const RecordedMotion> records, const FitPrior& prior,
                     const FitSettings& settings);
 
-/// The residuals of a robot in records that need not be those of its fit.
+/// The residuals of a robot in records that need not be those of its fit, set down for each where
+/// it explains it best.
 std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
                                       const RobotPosterior& robot, int per_tick);
 

@@ -100,7 +100,7 @@ struct StudySettings {
   int falls = 0, stands = 0, draws = -1;
   double scale = 1, deviations = -1;
   bool one_by_one = false;
-  bool effective = false, each = false, tried = false;
+  bool effective = false, each = false, tried = false, by_encoders = false;
   double mujoco_s = 0;
   TuningSettings tuning;
   std::vector<double> annealing;
@@ -155,6 +155,8 @@ StudySettings Parse(int argc, char** argv) {
   line.Option("--rounds", s.tuning.rounds, "of them").Within(1, 10);
   line.Option("--annealing", s.annealing, "of fits");
   line.Option("--starts", s.starts, "of fits; 0: their own").Within(0, 100);
+  line.Flag("--by-encoders", s.by_encoders,
+            "robots are set down where their encoders read the start of a motion");
   line.Flag("--each", s.each, "print every quantity of every robot");
   line.Flag("--tried", s.tried,
             "robots have played the first of --guess before, and its record is fitted, too; those "
@@ -268,6 +270,7 @@ testing::HiddenRobot Study::Draw(int number) const {
   robot.torque_factor = settings_.torque;
   robot.velocity_filter_s = settings_.filter_s;
   robot.torque_lag_s = settings_.lag_s;
+  robot.by_encoders = settings_.by_encoders;
   return robot;
 }
 

@@ -400,6 +400,16 @@ TEST(IdentifyProgram, AFolderIsAsItWasWhereItsPageCannotBeWritten) {
             (std::set<std::string>{"model", "model/index.html", "model/posterior.toml"}));
 }
 
+TEST(IdentifyProgram, RecordsWithBareNamesAreNamedFromTheFolderOfAModelThatIsNew) {
+  const testing::TemporaryFolder folder;
+  fs::copy_file(Shared().back(), folder / "back.rec");
+  const Outcome fit = testing::RunInShell("cd " + folder.path().string() +
+                                          " && tumbler identify fit back.rec --out model --quiet");
+  ASSERT_EQ(fit.exit_code, 0) << fit.text;
+  EXPECT_THAT(LoadPosterior(folder / "model/posterior.toml").records,
+              ::testing::ElementsAre("../back.rec"));
+}
+
 TEST(IdentifyProgram, AModelHasTheDrivesFileWithItsEncodersZeros) {
   const Records& of = Shared();
   const PosteriorFile file = LoadPosterior(of.posterior());

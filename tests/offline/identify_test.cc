@@ -12,12 +12,14 @@
 
 #include "common/files/program.h"
 #include "common/files/result_file.h"
+#include "firmware_interface/devices/drives_toml.h"
 #include "offline/certify/task_result.h"
 #include "offline/problem/posterior_toml.h"
 #include "offline/solve/guess.h"
 #include "offline/solve/robot_loss.h"
 #include "offline/studies/excitation.h"
 #include "offline/studies/gate.h"
+#include "offline/studies/identified_drives.h"
 #include "offline/studies/identified_model.h"
 #include "offline/studies/identify_page.h"
 #include "offline/studies/robot_fit.h"
@@ -189,6 +191,34 @@ TEST(HiddenRobot, IsWithinItsIntervalsWhereARecordBendsWithWhatItDependsOn) {
       EXPECT_NEAR(fit.posterior.mean[i], CoordinateIn(varied, quantity),
                   3 * fit.posterior.DeviationOf(i))
           << number << ": " << NameOf(quantity);
+    }
+  }
+}
+
+TEST(HiddenRobot, IsWithinItsIntervalsWhetherItWasSetDownByItsEncodersOrInTruth) {
+  // Feet rest where they were put: where joints were then, no reading tells.
+  const Scene& scene = Excitations().front().scene();
+  for (const bool by_encoders : {false, true}) {
+    testing::HiddenRobot robot = testing::DrawHiddenRobot(scene, 11, 3);
+    robot.variation.joints[0].zero_rad = 12e-3;
+    robot.variation.joints[1].zero_rad = -3e-3;
+    robot.by_encoders = by_encoders;
+    const std::vector<RecordedMotion> records = RecordsOf(robot);
+    FitSettings settings;
+    settings.starts = 1;
+    const FitOutcome fit = FitRobot(records, PriorOfRecords(records, false), settings);
+    EXPECT_FALSE(fit.effective) << fit.chi;
+    const Scene varied = Varied(scene, robot.variation);
+    for (std::size_t i = 0; i < fit.posterior.size(); ++i) {
+      const RobotQuantity& quantity = fit.posterior.quantities[i];
+      const auto is = [&](auto... kinds) { return ((quantity.kind == kinds) || ...); };
+      if (!is(Kind::kMass, Kind::kFriction, Kind::kStiffness, Kind::kZero, Kind::kLength)) continue;
+      const double truth = is(Kind::kLength) ? 0
+                           : is(Kind::kZero)
+                               ? robot.variation.joints[quantity.of == "leg1" ? 0 : 1].zero_rad
+                               : CoordinateIn(varied, quantity);
+      EXPECT_NEAR(fit.posterior.mean[i], truth, 3 * fit.posterior.DeviationOf(i))
+          << NameOf(quantity) << (by_encoders ? ", by encoders" : ", in truth");
     }
   }
 }
@@ -371,6 +401,28 @@ TEST(Identify, ARecordWithoutMotionIsRefused) {
   } catch (const RecordError& error) {
     EXPECT_NE(std::string(error.what()).find("no joint moved"), std::string::npos) << error.what();
   }
+}
+
+TEST(Gate, PlaysWhatTheRobotFailedInWithTheZerosWithWhichItFailed) {
+  const Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  PosteriorFile file = FileOf(PriorOf(task.problem.scene));
+  for (double& value : file.posterior.covariance) value *= 1e-6;
+  for (std::size_t i = 0; i < file.posterior.size(); ++i)
+    if (file.posterior.quantities[i].kind == Kind::kZero) file.posterior.mean[i] = 0.05;
+  const DrivesConfig drives = LoadDrives(kDrives);
+  file.drives = FactsOf(drives);
+  const testing::TemporaryFolder folder;
+  const std::string corrected = folder / "drives.toml";
+  testing::WriteFile(corrected, CorrectedDrives(testing::ReadFile(kDrives), kDrives, drives, file));
+  GateSettings settings;
+  settings.draws = 1;
+  settings.margins = {0, 0};
+  const std::string motion = testing::SourcePath("primitives/handstand.toml");
+  settings.failed = {motion};
+  EXPECT_FALSE(PassGate(motion, kDrives, file, settings).open());
+  const GateOutcome outcome = PassGate(motion, corrected, file, settings);
+  EXPECT_TRUE(outcome.credible()) << "it failed since its encoders' zeros were wrong";
+  EXPECT_TRUE(outcome.open()) << "and stands where they are corrected";
 }
 
 TEST(Gate, IsOpenForTheModelAndClosedOnIce) {

@@ -12,6 +12,7 @@
 #include "offline/scene/variation.h"
 #include "offline/studies/varied_run.h"
 #include "offline/twin/purpose_judge.h"
+#include "offline/twin/simulated_robot.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
@@ -22,6 +23,9 @@ namespace tumbler::testing {
 struct HiddenRobot {
   RobotVariation variation;
   double torque_factor = 1, velocity_filter_s = 0, torque_lag_s = 0;  ///< Of all drives.
+  /// Whether it is set down where its encoders read the start of a motion, as whoever does it by
+  /// its drives' zeros. Otherwise its joints are there in truth, and move when drives are armed.
+  bool by_encoders = false;
 };
 
 /// Masses differ by 10 %, the ground by 40 %, motors by the size of their friction, encoders and
@@ -128,6 +132,11 @@ class HiddenRuns {
       motor.torque_factor = robot.torque_factor;
       motor.velocity_filter_s = robot.velocity_filter_s;
       motor.torque_time_constant_s = robot.torque_lag_s;
+    }
+    if (robot.by_encoders) {
+      shared.config.start = StartOf(motion_.file());
+      for (std::size_t j = 0; j < robot.variation.joints.size(); ++j)
+        shared.config.start->joint_positions_rad[j] -= robot.variation.joints[j].zero_rad;
     }
     VariedRun run({motion_, nullptr, RunSettings{}, feed}, shared, robot.variation);
     PurposeJudge judge(motion_.file(), shared.scene.robot);
