@@ -22,6 +22,20 @@ constexpr double kDifference = 0.003;
 /// Of where a joint was set down, from its setpoint: as of a zero.
 constexpr double kStart_rad = 5e-3;
 
+/// Central differences, a column each.
+/// @param robots  those of FitObjective::Beside.
+/// @param first   the coordinate in which the first of them differs.
+MatrixXd SlopesOf(const MatrixXd& residuals, const std::vector<VectorXd>& robots,
+                  Eigen::Index first) {
+  const Eigen::Index count = residuals.cols() / 2;
+  MatrixXd of = residuals.leftCols(count) - residuals.rightCols(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    of.col(i) /= robots[static_cast<std::size_t>(i)][first + i] -
+                 robots[static_cast<std::size_t>(count + i)][first + i];
+  }
+  return of;
+}
+
 }  // namespace
 
 FitObjective::FitObjective(std::span<const RecordedMotion> records, const FitPrior& prior,
@@ -137,40 +151,38 @@ MatrixXd FitObjective::Residuals(const std::vector<VectorXd>& robots, int per_ti
   return all;
 }
 
+std::vector<VectorXd> FitObjective::Beside(const VectorXd& u, Eigen::Index first,
+                                           Eigen::Index count) const {
+  std::vector<VectorXd> robots;
+  for (const double step : {kDifference, -kDifference}) {
+    for (Eigen::Index i = first; i < first + count; ++i) {
+      VectorXd robot = u;
+      robot[i] += step;
+      robots.push_back(Allowed(robot));
+    }
+  }
+  return robots;
+}
+
 MatrixXd FitObjective::Derivatives(const VectorXd& u, int per_tick) {
-  const auto beside = [&](Eigen::Index first, Eigen::Index count) {
-    std::vector<VectorXd> robots;
-    for (const double step : {kDifference, -kDifference}) {
-      for (Eigen::Index i = first; i < first + count; ++i) {
-        VectorXd robot = u;
-        robot[i] += step;
-        robots.push_back(Allowed(robot));
-      }
-    }
-    return robots;
-  };
-  const auto slopes = [](const MatrixXd& residuals, const std::vector<VectorXd>& robots,
-                         Eigen::Index first) {
-    const Eigen::Index count = residuals.cols() / 2;
-    MatrixXd of = residuals.leftCols(count) - residuals.rightCols(count);
-    for (Eigen::Index i = 0; i < count; ++i) {
-      of.col(i) /= robots[static_cast<std::size_t>(i)][first + i] -
-                   robots[static_cast<std::size_t>(count + i)][first + i];
-    }
-    return of;
-  };
-  MatrixXd J = MatrixXd::Zero(ToIndex(rows_), size());
-  const std::vector<VectorXd> robots = beside(0, ToIndex(n_));
-  J.leftCols(ToIndex(n_)) = slopes(Residuals(robots, per_tick), robots, 0);
-  Eigen::Index row = 0, first = ToIndex(n_);
+  const std::vector<VectorXd> robots = Beside(u, 0, ToIndex(n_));
+  MatrixXd J(ToIndex(rows_), size());
+  J << SlopesOf(Residuals(robots, per_tick), robots, 0), StartDerivatives(u, per_tick);
+  return J;
+}
+
+MatrixXd FitObjective::StartDerivatives(const VectorXd& u, int per_tick) const {
+  MatrixXd J = MatrixXd::Zero(ToIndex(rows_), ToIndex(starts_));
+  Eigen::Index row = 0, column = 0;
   for (std::size_t record = 0; record < replays_.size(); ++record) {
     const auto joints = ToIndex(replays_[record]->motion().joint_count());
     const auto rows = ToIndex(replays_[record]->count());
-    const std::vector<VectorXd> starts = beside(first, joints);
-    J.block(row, first, rows, joints) =
-        slopes(ResidualsOf(record, starts, per_tick), starts, first);
+    const Eigen::Index first = ToIndex(n_) + column;
+    const std::vector<VectorXd> robots = Beside(u, first, joints);
+    J.block(row, column, rows, joints) =
+        SlopesOf(ResidualsOf(record, robots, per_tick), robots, first);
     row += rows;
-    first += joints;
+    column += joints;
   }
   return J;
 }

@@ -63,9 +63,14 @@ class FitObjective {
   [[nodiscard]] Eigen::MatrixXd Residuals(const std::vector<Eigen::VectorXd>& robots, int per_tick);
   /// Derivatives of the residuals, by central differences. A start moves its own record alone.
   [[nodiscard]] Eigen::MatrixXd Derivatives(const Eigen::VectorXd& u, int per_tick);
+  /// The same by where robots were set down alone, the last columns.
+  [[nodiscard]] Eigen::MatrixXd StartDerivatives(const Eigen::VectorXd& u, int per_tick) const;
 
  private:
   void SetPrior(const RobotInformation& earlier);
+  /// Robots a difference to either side of one, in so many coordinates from the first.
+  [[nodiscard]] std::vector<Eigen::VectorXd> Beside(const Eigen::VectorXd& u, Eigen::Index first,
+                                                    Eigen::Index count) const;
   /// Residuals of a record, of robots a column each.
   [[nodiscard]] Eigen::MatrixXd ResidualsOf(std::size_t record,
                                             const std::vector<Eigen::VectorXd>& robots,

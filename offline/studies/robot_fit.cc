@@ -643,7 +643,7 @@ std::vector<FitResiduals> ResidualsOf(std::span<const RecordedMotion> records,
   VectorXd residuals = objective.Residuals({u}, per_tick).col(0);
   const Eigen::Index starts = objective.size() - ToIndex(robot.size());
   for (int step = 0; step < 2; ++step) {
-    const MatrixXd J = objective.Derivatives(u, per_tick).rightCols(starts);
+    const MatrixXd J = objective.StartDerivatives(u, per_tick);
     MatrixXd A = J.transpose() * J;
     A.diagonal().array() += 1;  // what is known before, in deviations
     VectorXd next = u;
